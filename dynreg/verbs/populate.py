@@ -24,6 +24,9 @@ class PopulateSettings(Settings):
     shard_size: int = option(200, "Simulators that are stored together.", flag=None, least=1)
     link: bool = option(True, "Also link the new simulators in the search graph.")
     relink: bool = option(False, "Build the search graph anew.", flag="--relink")
+    dry_run: bool = option(
+        False, "Tell disk, time and memory by a few simulators, and keep nothing.", flag="--dry-run"
+    )
     effects: bool = option(
         False, "Give each simulator one effect, or none, under the commands of a recording."
     )
@@ -49,16 +52,25 @@ def populate(
 
     With `effects` the entries carry one effect each, or none, under the commands of the recording `like`.
 
+    With `dry_run` a few simulators are made in a temporary folder, and tell what those that are missing would cost.
+
     Raises UsageError where n is below 1, and where only one of `effects` and `like` is given.
     """
     if n < 1:
         raise UsageError(f"{n} simulators", expected="at least 1", do="ask for more, such as -n 1000")
-    registry.check_writable()
+    if not settings.dry_run:
+        registry.check_writable()
     if settings.effects != (settings.like is not None):
         raise UsageError(
             "--effects without --like" if settings.effects else "--like without --effects",
             expected="both: effects are told apart under the commands of a recording",
             do="add the other, such as --effects --like RECORDING",
+        )
+    if settings.effects and settings.dry_run:
+        raise UsageError(
+            "--dry-run with --effects",
+            expected="one of them",
+            do="leave --dry-run out: such populations are small",
         )
     if settings.effects:
         return with_effects(registry, robot, n, settings, progress)
@@ -80,11 +92,14 @@ def with_models(
     from dynreg.neighbours.entries import Stopwatch
     from dynreg.results.stored import PopulationSummary
     from dynreg.sim.robot import with_population
+    from dynreg.verbs.foretold import foretell
     from dynreg.verbs.populations import Plan, begin, fill, link
 
     report, watch, began = progress or (lambda *_: None), Stopwatch(), time.perf_counter()
     plan = Plan(n, settings.seed, training or Training(), settings.shard_size, settings.threads)
     robot = robot if settings.ranges is None else with_population(robot, settings.ranges)
+    if settings.dry_run:
+        return foretell(registry, robot, plan, report, linked=settings.link)
     identity, shared = begin(registry, robot, plan, watch, report)
     advance = lambda there: report("simulators", min(there, n), n)  # noqa: E731
     added = fill(registry, identity, shared, settings.threads, watch, advance)
