@@ -194,10 +194,12 @@ class Registry:
         """{id of an entry: its number} of a population, by number; no shard is read."""
         return loading.entry_numbers(self.directory, self._id(ref, "population"))
 
-    def models(self, ref: str, digests: np.ndarray | None = None) -> mapped.MappedModels:
+    def models(
+        self, ref: str, numbers: Collection[int], digests: np.ndarray | None = None
+    ) -> mapped.MappedModels:
         """The models of a population's entries, read when they are asked for; see `mapped.MappedModels`."""
-        numbers = np.array(list(self.numbers(ref).values()), dtype=np.int64)
-        return mapped.MappedModels(self.directory, self._id(ref, "population"), numbers, digests)
+        rows = np.array([*numbers], dtype=np.int64)
+        return mapped.MappedModels(self.directory, self._id(ref, "population"), rows, digests)
 
     def entry(self, ref: str) -> tuple[str, int]:
         """The id of an entry's population, and its number in it; the entry is not read."""

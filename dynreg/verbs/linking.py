@@ -80,13 +80,14 @@ def link(
     Returns the number of linked entries and of distances evaluated for them. The index is the same bytes whether the
     population came at once or grew, on any number of threads.
     """
-    ids = tuple(registry.numbers(ref))
+    numbers = registry.numbers(ref)
+    ids = tuple(numbers)
     held = None if anew else _linked(registry, ref, ids)
-    stack = StoredModels(registry.models(ref))
+    stack = StoredModels(registry.models(ref, numbers.values()))
     before = new_graph(shared.seed) if held is None else held.graph
     with single_threaded():  # what is worth more cores asks for them itself
-        embedded = embed(registry, ref, shared, stack, None if held is None else held.embedded)
-        judged = judge(registry, ref, shared, stack, None if held is None else held.judged)
+        embedded = embed(registry, ref, ids, shared, stack, None if held is None else held.embedded)
+        judged = judge(registry, ref, ids, shared, stack, None if held is None else held.judged)
         distance = CrossLoss(stack, judged.inputs, judged.targets, judged.own, threads=1)
         graph = link_entries(before, embedded.vectors, distance, threads)
     for key, arrays in (("graph", graph.to_arrays()), ("embedding", embedded.as_arrays())):
@@ -108,9 +109,14 @@ def _linked(registry: Registry, ref: str, ids: Sequence[str]) -> Linked | None:
 
 
 def embed(
-    registry: Registry, ref: str, shared: Shared, stack: StoredModels, held: Embedded | None = None
+    registry: Registry,
+    ref: str,
+    ids: Sequence[str],
+    shared: Shared,
+    stack: StoredModels,
+    held: Embedded | None = None,
 ) -> Embedded:
-    """The embedding of all entries; what is `held` of the first ones stays."""
+    """The embedding of the entries `ids`; what is `held` of the first ones stays."""
     first = 0 if held is None else len(held)
     if held is None:
         some = stack[np.arange(min(FITTED, len(stack)))]
@@ -124,16 +130,24 @@ def embed(
     if held is not None:
         vectors, digests = [held.vectors, *vectors], [held.digests, *digests]
     told = registry.load(ref, ())
-    return Embedded(embedding, np.concatenate(vectors), told.values, told.train_loss, np.concatenate(digests))
+    place = {identity: row for row, identity in enumerate(told.ids)}  # others may have come meanwhile
+    rows = np.array([place[identity] for identity in ids])
+    about = told.values[rows], told.train_loss[rows]
+    return Embedded(embedding, np.concatenate(vectors), *about, np.concatenate(digests))
 
 
 def judge(
-    registry: Registry, ref: str, shared: Shared, stack: StoredModels, held: Judged | None = None
+    registry: Registry,
+    ref: str,
+    ids: Sequence[str],
+    shared: Shared,
+    stack: StoredModels,
+    held: Judged | None = None,
 ) -> Judged:
-    """The rows on which all entries are judged; what is `held` of the first ones stays."""
+    """The rows on which the entries `ids` are judged; what is `held` of the first ones stays."""
     found = [] if held is None else [held]
     first = 0 if held is None else len(held)
-    new = list(registry.numbers(ref))[first:]
+    new = ids[first:]
     for part in registry.parts(ref, new) if new else ():
         rows = np.arange(first, first + len(part.entries))
         (run,) = part.read()

@@ -177,13 +177,13 @@ def load_population(
     arrays = registry.index(ref, "embedding", ids)
     if arrays is not None and "digests" in arrays:
         embedded = linking.Embedded.from_arrays(arrays)
-        stack = linking.StoredModels(registry.models(ref, embedded.digests))
+        stack = linking.StoredModels(registry.models(ref, numbers.values(), embedded.digests))
     else:
-        stack = linking.StoredModels(registry.models(ref))
-        embedded = linking.embed(registry, ref, shared, stack)
+        stack = linking.StoredModels(registry.models(ref, numbers.values()))
+        embedded = linking.embed(registry, ref, ids, shared, stack)
     rows = registry.index(ref, "judged", ids) if judged else None
     if judged:
-        rows = linking.judge(registry, ref, shared, stack) if rows is None else Judged(**rows)
+        rows = linking.judge(registry, ref, ids, shared, stack) if rows is None else Judged(**rows)
     did = registry.load(ref, ("states",)).states if states else None
     places = np.array(list(numbers.values()), dtype=np.int64)
     entries = Entries(ids, places, embedded.values, did, embedded.train_loss)
