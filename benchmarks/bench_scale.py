@@ -181,7 +181,7 @@ def run(session: Session, journal: Journal, given: argparse.Namespace, n: int) -
                 f"quality {hidden.number}",
                 lambda h=hidden, log=log: quality(session, population, h, log),
             )
-    for name, path in real_logs(given.robot):
+    for name, path in list(real_logs(given.robot))[: given.logs]:
         step(f"real {name}", lambda path=path: retrieve(population, read_log(path, robot)))
 
 
@@ -192,6 +192,7 @@ def main() -> None:
     parser.add_argument("--robot", default="quadruped")
     parser.add_argument("--robots", type=int, default=10, help="that retrieval is measured on")
     parser.add_argument("--quality", type=int, default=10, help="of them, whose rollouts are compared")
+    parser.add_argument("--logs", type=int, help="measured logs that are asked about; all by default")
     parser.add_argument("--tune", action="store_true", help="the robots for development")
     parser.add_argument("--registry", type=Path)
     parser.add_argument("--journal", type=Path)
