@@ -11,7 +11,7 @@ from dynreg.models.losses import losses
 from dynreg.models.threads import single_threaded
 from dynreg.rng import stream
 
-REACHED = 60  # entries that a search of the graph keeps
+REACHED = 50  # entries that a search of the graph keeps
 
 
 def held_out(asked: DistanceQuery) -> Ranked:

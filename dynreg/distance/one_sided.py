@@ -11,7 +11,7 @@ from dynreg.index import search
 from dynreg.models.losses import Predictor
 from dynreg.models.mlp import MlpStack, Models
 from dynreg.models.normaliser import Normaliser
-from dynreg.models.threads import available_threads, worker_pool
+from dynreg.models.threads import available_threads, single_threaded, worker_pool
 from dynreg.rng import stream
 
 BATCH = 50  # models at once
@@ -30,7 +30,9 @@ def rank(asked: DistanceQuery) -> Ranked:
         found = walked(asked, judge)
         if len(found.order) >= asked.at_least:
             return found
-    return in_order(asked.allowed, judge(asked.population.stack, asked.allowed), len(asked.allowed))
+    with single_threaded():  # what is worth more cores asks for them itself
+        far = judge(asked.population.stack, asked.allowed)
+    return in_order(asked.allowed, far, len(asked.allowed))
 
 
 def walked(asked: DistanceQuery, judge: "Judge") -> Ranked:

@@ -17,6 +17,7 @@ from dynreg.index.graph import Graph
 from dynreg.rng import stream
 
 STARTS = 8  # random nodes that a search starts from, all measured at once
+FEW = 10  # neighbours that a walk among some nodes passes on to, at least, where there are so many
 EF = 30  # of the best nodes found, usually, are kept and expanded
 Walk = Generator[list[int], list[float], list[tuple[float, int]]]
 
@@ -58,7 +59,7 @@ def search(
 
 
 class Among:
-    """The neighbours of nodes among some: a neighbour that is none of these stands for its own neighbours."""
+    """The neighbours of nodes among some; where they are few, some of those of neighbours that are none of these."""
 
     def __init__(self, neighbours: Sequence[np.ndarray], among: Ids):
         self.neighbours = neighbours
@@ -67,9 +68,13 @@ class Among:
 
     def __getitem__(self, node: int) -> np.ndarray:
         around = self.neighbours[node]
-        mine, others = around[self.among[around]], around[~self.among[around]]
-        beyond = np.concatenate([mine, *(self.neighbours[other] for other in others.tolist())])
-        return np.unique(beyond[self.among[beyond]])
+        found = dict.fromkeys(around[self.among[around]].tolist())
+        for other in around[~self.among[around]].tolist():  # nearest first
+            if len(found) >= FEW:
+                break
+            beyond = self.neighbours[other]
+            found.update(dict.fromkeys(beyond[self.among[beyond]].tolist()))
+        return np.array([*found], dtype=np.int64)
 
 
 def search_many(graph: Graph, to: ToMany, queries: int, k: int, *, seed: int, ef: int = EF) -> list[Found]:
