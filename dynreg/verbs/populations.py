@@ -7,14 +7,14 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+import dynreg.verbs.linking as linking
 from dynreg.data.recording import Channel
 from dynreg.data.trajectories import Columns
-from dynreg.distance.embedding import Embedding, fit_embedding
-from dynreg.distance.population import Entries, Population, Shared, Training, cross_loss
+from dynreg.distance.cross_loss import Judged
+from dynreg.distance.population import Entries, Population, Shared, Training
 from dynreg.errors import CorruptError, NoMatchError
 from dynreg.executor import Executor
-from dynreg.index import Counted, Graph, GraphSettings, build
-from dynreg.models.mlp import MlpStack
+from dynreg.index import Graph
 from dynreg.neighbours.entries import (
     Made,
     Stopwatch,
@@ -161,51 +161,54 @@ def shard(made: Made) -> ShardData:
     return ShardData(made.values, made.states, weights, *losses, extra, made.periods)
 
 
-def link(registry: Registry, population: str, *, threads: int = 0) -> tuple[int, int]:
-    """Build the graph over cross-losses and the embedding of all entries, and keep them in the registry's index.
-
-    Returns the number of linked entries and of distance evaluations. Both can always be rebuilt.
-    """
-    shared = shared_of(registry, registry.population(population))
-    entries = registry.load(population)
-    stack = MlpStack.from_arrays(entries.weights)
-    distance = Counted(cross_loss(shared, entries.states, stack, threads=threads))
-    graph = build(distance, len(entries), GraphSettings(seed=shared.seed))
-    registry.put_index(population, "graph", graph.to_arrays(), entries.ids)
-    embedding = fit_embedding(stack, shared.base, shared.probes)
-    arrays = embedding.as_arrays() | {"vectors": embedding.vectors(stack)}
-    registry.put_index(population, "embedding", arrays, entries.ids)
-    return len(entries), distance.evaluations
+def link(registry: Registry, population: str, *, threads: int = 0, anew: bool = False) -> tuple[int, int]:
+    """Link the entries that are not linked yet, or all of them `anew`; see `linking.link`."""
+    return linking.link(
+        registry, population, shared_of(registry, registry.population(population)), threads=threads, anew=anew
+    )
 
 
-def ready(asked: Recorded, ref: str | None, *, states: bool = False) -> Population:
+def ready(asked: Recorded, ref: str | None, *, states: bool = False, judged: bool = False) -> Population:
     """The population to ask about a recording: `ref`, or the only one of its robot; the last stays loaded.
 
     Raises as `population_for`.
     """
     registry, key = asked.registry, population_for(asked, ref)
     held_key, held = _READY.get(registry, (None, None))
-    if held_key != key or (states and held.entries.states is None):
-        held = load_population(registry, key[0], states=states)
+    lacks = held is None or (states and held.entries.states is None) or (judged and held.judged is None)
+    if held_key != key or lacks:
+        held = load_population(registry, key[0], states=states, judged=judged)
         _READY[registry] = (key, held)
     return held
 
 
-def load_population(registry: Registry, ref: str, *, states: bool = False) -> Population:
-    """A population held ready for queries; its embedding is rebuilt where the index lacks it."""
+def load_population(
+    registry: Registry, ref: str, *, states: bool = False, judged: bool = False
+) -> Population:
+    """A population held ready for queries; what its index lacks is computed, models are read when they are asked for.
+
+    states : whether what all entries did is read. judged : whether the rows are that judge them by cross-loss.
+    """
     record = registry.population(ref)
     shared = shared_of(registry, record)
-    held = registry.load(ref, ("states", "weights") if states else ("weights",))
-    stack = MlpStack.from_arrays(held.weights)
-    arrays = registry.index(ref, "embedding", held.ids)  # not one for entries that others added meanwhile
-    if arrays is None:
-        embedding = fit_embedding(stack, shared.base, shared.probes)
-        vectors = embedding.vectors(stack)
+    numbers = registry.numbers(ref)
+    ids = tuple(numbers)  # an index of entries that others add meanwhile is none of these
+    arrays = registry.index(ref, "embedding", ids)
+    if arrays is not None and "digests" in arrays:
+        embedded = linking.Embedded.from_arrays(arrays)
+        stack = linking.StoredModels(registry.models(ref, numbers.values(), embedded.digests))
     else:
-        vectors = arrays["vectors"]
-        embedding = Embedding(*(arrays[k] for k in ("probes", "base", "mean", "components")))
-    entries = Entries(held.ids, held.numbers, held.values, held.states, held.train_loss)
-    return Population(record.id, shared, entries, stack, embedding, np.asarray(vectors, dtype=float))
+        stack = linking.StoredModels(registry.models(ref, numbers.values()))
+        embedded = linking.embed(registry, ref, ids, shared, stack)
+    rows = registry.index(ref, "judged", ids) if judged else None
+    if judged:
+        rows = linking.judge(registry, ref, ids, shared, stack) if rows is None else Judged(**rows)
+    did = registry.load(ref, ("states",)).states if states else None
+    places = np.array(list(numbers.values()), dtype=np.int64)
+    entries = Entries(ids, places, embedded.values, did, embedded.train_loss)
+    vectors = np.asarray(embedded.vectors, dtype=float)
+    graph = load_graph(registry, ref, ids)
+    return Population(record.id, shared, entries, stack, embedded.embedding, vectors, graph, rows)
 
 
 def load_graph(registry: Registry, ref: str, entries: Sequence[str] | None = None) -> Graph | None:
