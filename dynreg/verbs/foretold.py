@@ -10,6 +10,7 @@ from pathlib import Path
 from dynreg.distance.linking import CANDIDATES
 from dynreg.distance.population import Training
 from dynreg.errors import NoMatchError
+from dynreg.executor import Local
 from dynreg.models.threads import available_threads
 from dynreg.neighbours.entries import Stopwatch, make_shared, population_id
 from dynreg.progress import Progress
@@ -85,16 +86,16 @@ class _Told:
 def _measured(place: Path, robot: Robot, plan: Plan, report: Progress) -> _Told:
     configurations, epochs = SMALL
     small = replace(plan.training, base_configurations=configurations, base_epochs=epochs)
-    few, all_made = MADE
+    (few, all_made), here = MADE, Local(plan.threads)
     with Registry.open(place, create=True) as scratch:
         trial = Plan(few, plan.seed, small, all_made, plan.threads)
-        identity, shared = begin(scratch, robot, trial, Stopwatch(), report)
-        fill(scratch, identity, shared, plan.threads, Stopwatch(), lambda there: None)
+        identity = begin(scratch, robot, trial, Stopwatch(), report)
+        fill(scratch, identity, here, Stopwatch(), lambda there: None)
         warm, watch = _peak(), Stopwatch()
         with watch.of("base"):
             make_shared(robot, plan.seed, small, plan.threads)
         begin(scratch, robot, replace(trial, n=all_made), watch, report)
-        fill(scratch, identity, shared, plan.threads, watch, lambda there: report("trial", there, all_made))
+        fill(scratch, identity, here, watch, lambda there: report("trial", there, all_made))
         resident = _peak()
         with watch.of("link"):
             linked, evaluations = link(scratch, identity, threads=plan.threads)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from dynreg.errors import UsageError
 from dynreg.progress import Progress
-from dynreg.verbs.settings import Settings, option, seed, threads
+from dynreg.verbs.settings import Settings, address, executor, option, seed, threads
 
 if TYPE_CHECKING:
     from dynreg.distance.population import Training
@@ -32,6 +32,8 @@ class PopulateSettings(Settings):
     )
     like: str | None = option(None, "With --effects: the recording.", metavar="RECORDING")
     threads: int = threads()
+    executor: str = executor()
+    address: str | None = address()
 
 
 def populate(
@@ -48,7 +50,7 @@ def populate(
     Entry i has the parameters of row i of the Sobol sequence over the robot's ranges. It is simulated with the commands
     of the shared bank and with its own motor noise; its model is warm-started from the base model. Its bytes depend
     only on the robot, the seed and i. An interrupted populate resumes. Several processes share the work, and each
-    returns when all entries are done.
+    returns when all entries are done: those of an executor take a shard each.
 
     With `effects` the entries carry one effect each, or none, under the commands of the recording `like`.
 
@@ -89,6 +91,7 @@ def with_models(
     from numpy import median
 
     from dynreg.distance.population import Training
+    from dynreg.executor import opened
     from dynreg.neighbours.entries import Stopwatch
     from dynreg.results.stored import PopulationSummary
     from dynreg.sim.robot import with_population
@@ -100,9 +103,10 @@ def with_models(
     robot = robot if settings.ranges is None else with_population(robot, settings.ranges)
     if settings.dry_run:
         return foretell(registry, robot, plan, report, linked=settings.link)
-    identity, shared = begin(registry, robot, plan, watch, report)
     advance = lambda there: report("simulators", min(there, n), n)  # noqa: E731
-    added = fill(registry, identity, shared, settings.threads, watch, advance)
+    with opened(settings.executor, settings.address, settings.threads) as executor:
+        identity = begin(registry, robot, plan, watch, report)
+        added = fill(registry, identity, executor, watch, advance)
     linked, evaluations = 0, 0
     if settings.link:
         report("link", 0, 1)
@@ -132,18 +136,21 @@ def with_effects(
 ) -> "PopulationSummary":
     """Extend a population of simulators that carry one effect or none to n entries; see `populate`."""
     from dynreg.diagnose.guided import keep
+    from dynreg.executor import opened
     from dynreg.neighbours.entries import Stopwatch
     from dynreg.results.stored import PopulationSummary
-    from dynreg.verbs.effect_populations import begin, fill, held, posed
+    from dynreg.verbs.effect_populations import begin, fill_span, held, hold, posed
+    from dynreg.verbs.populations import fill
     from dynreg.verbs.subjects import recorded
 
     report, watch, began = progress or (lambda *_: None), Stopwatch(), time.perf_counter()
-    given = posed(
-        recorded(registry, settings.like, robot, None, ingest=True), settings.seed, settings.threads
-    )
-    identity = begin(registry, robot, given, n)
     advance = lambda there: report("simulators", min(there, n), n)  # noqa: E731
-    added = fill(registry, given, settings.threads, watch, advance)
+    with opened(settings.executor, settings.address, settings.threads) as executor:
+        like = recorded(registry, settings.like, robot, None, ingest=True)
+        given = posed(like, settings.seed, settings.threads)
+        identity = begin(registry, robot, given, n)
+        hold(given, settings.threads)
+        added = fill(registry, identity, executor, watch, advance, fill_span)
     report("link", 0, 1)
     with watch.of("train"):
         population, _, _ = held(registry, identity)

@@ -13,6 +13,7 @@ from dynreg.data.trajectories import Columns
 from dynreg.distance.cross_loss import Judged
 from dynreg.distance.population import Entries, Population, Shared, Training
 from dynreg.errors import CorruptError, NoMatchError
+from dynreg.executor import Executor
 from dynreg.index import Graph
 from dynreg.neighbours.entries import (
     Made,
@@ -51,8 +52,8 @@ def begin(
     plan: Plan,
     watch: Stopwatch,
     report: Progress,
-) -> tuple[str, Shared]:
-    """The id of a population, and what its entries share: as the registry holds it, else made."""
+) -> str:
+    """The id of a population, registered with what its entries share: as the registry holds it, else made."""
     identity = population_id(robot, plan.seed, plan.training)
     accept(registry, robot)
     registry.put_robot(robot.files, robot.hash, robot.name)
@@ -60,7 +61,7 @@ def begin(
     if known is not None:
         if plan.n > known.size:
             registry.put_population(replace(known, size=plan.n))
-        return identity, _shared(robot, known)
+        return identity
     report("base model", 0, 1)
     with watch.of("base"):
         shared = make_shared(robot, plan.seed, plan.training, plan.threads)
@@ -83,7 +84,7 @@ def begin(
         parameter_units=tuple(p.unit for p in robot.space.parameters),
     )
     registry.put_population(record)
-    return identity, shared
+    return identity
 
 
 def columns_of(robot: Robot) -> Columns:
@@ -108,31 +109,49 @@ def _held(registry: Registry, identity: str) -> PopulationRecord | None:
 def fill(
     registry: Registry,
     identity: str,
-    shared: Shared,
-    threads: int,
+    executor: Executor,
     watch: Stopwatch,
     report: Callable[[int], None],
+    made_by: Callable[..., tuple[int, dict[str, float]]] | None = None,
 ) -> int:
-    """Make and store the entries that are missing, and wait for those that other processes make: how many it added.
+    """Have the missing entries made and stored, a shard a job, and wait for other processes: how many were added.
 
-    A claim of another process ends with it. report : called with how many entries are there.
+    A claim of another process ends with it. report : called with how many entries are there. made_by : makes a shard,
+    as `fill_span`, the usual one, does.
     """
+    told = {"registry": str(registry.path.resolve()), "population": identity, "threads": executor.threads}
     total = 0
     while spans := registry.missing_spans(identity):
         added = 0
-        for first, stop in spans:
-            with registry.claim(identity, first) as mine:
-                if not mine:
-                    continue
-                data = shard(make_entries(shared, np.arange(first, stop), threads, watch))
-                with watch.of("store"):
-                    added += len(registry.put_shard(identity, first, data))
-            report(registry.count(identity))
+        for made, seconds in executor.map(made_by or fill_span, [told | {"span": span} for span in spans]):
+            added += made
+            watch.seconds.update(seconds)
+            if made:
+                report(registry.count(identity))
         if not added:
             time.sleep(WAIT)
             report(registry.count(identity))
         total += added
     return total
+
+
+def fill_span(
+    registry: str, population: str, span: tuple[int, int], threads: int
+) -> tuple[int, dict[str, float]]:
+    """Make and store the entries of a missing span, unless another process does: how many, and the seconds by part.
+
+    registry : its path. Their bytes depend on the population and their numbers alone, and they are entered at once, so
+    that a job whose process was lost, or that is done twice, leaves what one that ends well leaves.
+    """
+    watch = Stopwatch()
+    with Registry.open(registry) as held, held.claim(population, span[0]) as mine:
+        if not mine:
+            return 0, {}
+        shared = shared_of(held, held.population(population))
+        data = shard(make_entries(shared, np.arange(*span), threads, watch))
+        with watch.of("store"):
+            added = len(held.put_shard(population, span[0], data))
+    return added, dict(watch.seconds)
 
 
 def shard(made: Made) -> ShardData:
