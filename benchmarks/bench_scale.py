@@ -39,7 +39,9 @@ from dynreg.verbs.subjects import Recorded, read_log
 
 TUNE, REPORT = 777, 20261126
 HERE = Path(__file__).parent
-REAL = {"servo_pendulum": "bam_xl330_pendulum/raw/*.json"}  # logs of real robots, in the folder of measured data
+REAL = {
+    "servo_pendulum": "bam_xl330_pendulum/raw/*.json"
+}  # logs of real robots, in the folder of measured data
 K, AGAIN = 5, 3  # nearest that are compared; times that a walk is timed
 
 

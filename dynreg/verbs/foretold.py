@@ -86,10 +86,10 @@ class _Told:
 def _measured(place: Path, robot: Robot, plan: Plan, report: Progress) -> _Told:
     configurations, epochs = SMALL
     small = replace(plan.training, base_configurations=configurations, base_epochs=epochs)
-    few, all_made = MADE
+    (few, all_made), here = MADE, Local(plan.threads)
     with Registry.open(place, create=True) as scratch:
         trial = Plan(few, plan.seed, small, all_made, plan.threads)
-        identity, here = begin(scratch, robot, trial, Stopwatch(), report), Local(plan.threads)
+        identity = begin(scratch, robot, trial, Stopwatch(), report)
         fill(scratch, identity, here, Stopwatch(), lambda there: None)
         warm, watch = _peak(), Stopwatch()
         with watch.of("base"):
