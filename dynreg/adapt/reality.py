@@ -29,14 +29,21 @@ FEWEST = 2  # gaits that stood on the robot, with which a simulator can be adapt
 
 
 def back_to_reality(
-    world: World, rules: Rules, gaits: np.ndarray, simulator: np.ndarray, free: np.ndarray
+    world: World,
+    rules: Rules,
+    gaits: np.ndarray,
+    simulator: np.ndarray,
+    free: np.ndarray,
+    seeds: np.ndarray | None = None,
 ) -> Reached:
     """Steps 1 to 5, from a simulator (P,) of which the numbers `free` (F,) are adapted.
 
-    gaits : (n, G) that the robot is known to run, or none; they are tried first. It ends when the goal is met, at the
+    gaits : (n, G) that the robot is known to run, or none; they are tried first. seeds : (n, G) for the first generation
+    of step 1, such as those of a goal nearby; nobody knows whether the robot can run them. It ends when the goal is met, at the
     last iteration, or when the budget of the robot is spent.
     """
-    run = _Run(world, rules, gaits, free, [Adapted(simulator, 0, START)])
+    seeds = gaits[:0] if seeds is None else seeds
+    run = _Run(world, rules, gaits, seeds, free, [Adapted(simulator, 0, START)])
     ended = "iterations"
     try:
         for number in range(1, rules.iterations + 1):
@@ -55,6 +62,7 @@ class _Run:
     world: World
     rules: Rules
     known: np.ndarray
+    seeds: np.ndarray
     free: np.ndarray
     versions: list[Adapted]
     tried: list[Tried] = field(default_factory=list)
@@ -103,20 +111,21 @@ class _Run:
     def sought(self, number: int) -> list[tuple[np.ndarray, float | None]]:
         """Step 1: gaits and their simulated fitness, the best of the last generation first, then of those before.
 
-        Real gaits are in the first generation. In the first iteration, those to begin with come before all. Gaits that
+        Real gaits and seeds are in the first generation. In the first iteration, those to begin with come before all. Gaits that
         fall in the simulator are left out.
         """
         rules, simulator = self.rules, self.versions[-1].simulator
         generations = max((rules.first if number == 1 else rules.later) >> self.halved, 1)
         known = self.real(rules.gaits)
+        begun = np.concatenate([known, self.seeds])[: rules.gaits]
         rng = self.world.rng(f"gaits {number}")
-        search = Seen(roulette(self.known.shape[1], rng, rules.gaits, known))
+        search = Seen(roulette(self.known.shape[1], rng, rules.gaits, begun, rules.mutation))
         found = drive(
             search,
             lambda some: self.world.play(some, simulator[None]).T,
             lambda grades: (grades[:, 0], -grades[:, 0]),
             Limits(generations * rules.gaits),
-            journal=self.journal(f"gaits {number}", simulator, known),
+            journal=self.journal(f"gaits {number}", simulator, begun),
             progress=lambda done, total: self.world.progress(f"gaits {number}", done, total),
         )
         self.resumed += found.resumed

@@ -22,7 +22,7 @@ class Rules:
     """The sizes of every step, as published but for `lost`, which is ours.
 
     iterations : at most. first, later : generations of step 1, in the first iteration and after it. gaits : candidates
-    of one generation. stand : gaits that must stand on the robot (m). repeats : trials of each of them, and of the best
+    of one generation. mutation : chance that a bit of theirs turns. stand : gaits that must stand on the robot (m). repeats : trials of each of them, and of the best
     of step 4, which counts by these alone. turns : generations of step 3, of so many `simulators`; it ends early where
     the difference is `enough` of its first value. difference : one of `differences.DIFFERENCES`. variations, steps :
     trials of one estimate of the gradient, and estimates. lost : where this share of gaits falls, the simulator before
@@ -34,6 +34,7 @@ class Rules:
     first: int = 600
     later: int = 100
     gaits: int = 15
+    mutation: float = 0.005
     stand: int = 10
     repeats: int = 3
     turns: int = 45
@@ -49,7 +50,7 @@ class Rules:
         for name, least in LEAST.items():
             if not getattr(self, name) >= least:
                 _refuse(f"{name} = {getattr(self, name)}", f"{least} or more")
-        for name in ("enough", "lost"):
+        for name in ("enough", "lost", "mutation"):
             if not 0 < getattr(self, name) < 1:
                 _refuse(f"{name} = {getattr(self, name)}", "a share between 0 and 1")
         if self.difference not in DIFFERENCES:
