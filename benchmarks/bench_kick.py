@@ -22,7 +22,7 @@ from pathlib import Path
 import aibo
 import kicking
 import numpy as np
-from bench_back_to_reality import Shown, Tape
+from bench_back_to_reality import Tape
 from journal import Journal
 from kept import keep
 from naming import RESULTS
@@ -32,24 +32,36 @@ from dynreg.adapt.journalled import Outcome
 from dynreg.adapt.reality import back_to_reality
 from dynreg.adapt.tried import Reached, Rules
 from dynreg.adapt.world import World
-from dynreg.gait.tasks import Kick
+from dynreg.gait.tasks import Kick, fitness
+from dynreg.gait.trials import Simulators, Trials
 from dynreg.methods.by_reality import Played
 from dynreg.rng import stream
 from dynreg.sim.robot import Robot
+from dynreg.sim.run import Walk
 
 REPORT, TUNE = 20261220, 81
 FILE = RESULTS / "kick.json"
 SOLVED = 0.1  # m, in a trial's score: the ball rolls for more than its diameter where it was aimed
 LEVELS = (0.1, 0.2, 0.3)  # m, at which points are counted
-DRAWS = 150  # about the pose at rest, for each place of the ball
+DRAWS = 200  # about the pose at rest, for each place of the ball
 HANDED = 12  # of the 15 kicks of the first generation: 80 %
 AGAIN = 3  # new trials of a kick
+HOPE = 0.3  # m, in the simulator: step 1 ends there
 RULES = Rules(
-    first=20, later=10, mutation=0.015, stand=3, repeats=3, turns=5, simulators=10, steps=0, goal=SOLVED
+    first=60,
+    later=20,
+    hope=HOPE,
+    mutation=0.015,
+    stand=3,
+    repeats=3,
+    turns=5,
+    simulators=10,
+    steps=0,
+    goal=SOLVED,
 )
 SHAPE = tuple(len(axis) for axis in kicking.AXES)
 # Bearings from the one where the legs reach best: a point begins with what was found beside it.
-ORDER = [(d, b, a) for b, d, a in product((2, 1, 0), range(SHAPE[0]), range(SHAPE[2]))]
+ORDER = [(d, b, a) for b, d, a in product((1, 0, 2), range(SHAPE[0]), range(SHAPE[2]))]
 BETWEEN = 16  # goals between the points
 
 
@@ -64,9 +76,13 @@ class Recorded:
     def __call__(self, kicks: np.ndarray, simulators: np.ndarray) -> np.ndarray:
         found = self.played(kicks, simulators)
         if len(simulators) == 1:
-            self.kicks.append(kicks)
-            self.fitness.append(found[0])
+            self.add(kicks, found[0])
         return found
+
+    def add(self, kicks: np.ndarray, fitness: np.ndarray) -> None:
+        """Keep kicks (n, G) and their fitness (n,)."""
+        self.kicks.append(kicks)
+        self.fitness.append(fitness)
 
     def best(self, most: int) -> np.ndarray:
         """(n, G) the best so many, no two alike, of those that scored."""
@@ -84,6 +100,7 @@ class Bench:
     robot: Robot
     rules: Rules
     threads: int
+    drawn: dict[bytes, Walk] = field(default_factory=dict)  # of the last place and simulator
 
     def task(self, goal: tuple[float, ...]) -> Kick:
         """Of any goal: distance [m], bearing and direction [rad]."""
@@ -121,12 +138,26 @@ class Bench:
         }
 
     def seed(self, played: Recorded, at: tuple[int, ...], done: dict, simulator: np.ndarray) -> None:
-        """Play what the first generation is chosen from: draws, the same for each place, and kicks from beside."""
-        space = played.played.space
+        """Play what the first generation is chosen from: draws, the same for each place, and kicks from beside.
+
+        A draw is simulated once for all directions.
+        """
+        task, space = self.task(goal_of(at)), played.played.space
         draws = space.about_rest(DRAWS, stream(self.hidden.seed, "kicks", *at[:2]))
+        key = simulator.tobytes() + bytes(at[:2])
+        if key not in self.drawn:
+            self.drawn.clear()
+            self.drawn[key] = self.walks(played.played, task, draws, simulator)
+        played.add(draws, fitness(task.grade(self.drawn[key]))[0])
         beside = [np.array(done[one]["handed"]) for one in neighbours(SHAPE, at) if one in done]
-        for kicks in (draws, *(one for one in beside if len(one))):
+        for kicks in (one for one in beside if len(one)):
             played(kicks, simulator[None])
+
+    def walks(self, played: Played, task: Kick, kicks: np.ndarray, simulator: np.ndarray) -> Walk:
+        """What kicks (n, G) do in a simulator (P,)."""
+        one = Simulators(self.robot.space.from_unit(simulator)[None])
+        told = {"rate": self.robot.rate, "seed": self.hidden.seed, "threads": self.threads}
+        return Trials(self.robot, task, one, **told).walk(played.genes(kicks))
 
     def world(self, played: Recorded, task: Kick, name: str) -> tuple[World, list[float | None]]:
         """Where the kicks of a point are played, and the scores of all trials, as they come."""
@@ -143,7 +174,6 @@ class Bench:
             trial,
             lambda step: stream(seed, name, step),
             played=lambda kicks: space.to_unit(played.played.genes(kicks)),
-            progress=Shown(),
         )
         return world, spent
 

@@ -6,7 +6,6 @@ are our own choice.
 
 import math
 import re
-from dataclasses import replace
 from itertools import product
 from pathlib import Path
 

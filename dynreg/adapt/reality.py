@@ -38,9 +38,9 @@ def back_to_reality(
 ) -> Reached:
     """Steps 1 to 5, from a simulator (P,) of which the numbers `free` (F,) are adapted.
 
-    gaits : (n, G) that the robot is known to run, or none; they are tried first. seeds : (n, G) for the first generation
-    of step 1, such as those of a goal nearby; nobody knows whether the robot can run them. It ends when the goal is met, at the
-    last iteration, or when the budget of the robot is spent.
+    gaits : (n, G) that the robot is known to run, or none; they are tried first. seeds : (n, G) for the first
+    generation of step 1, such as those of a goal nearby; nobody knows whether the robot can run them. It ends when the
+    goal is met, at the last iteration, or when the budget of the robot is spent.
     """
     seeds = gaits[:0] if seeds is None else seeds
     run = _Run(world, rules, gaits, seeds, free, [Adapted(simulator, 0, START)])
@@ -111,15 +111,16 @@ class _Run:
     def sought(self, number: int) -> list[tuple[np.ndarray, float | None]]:
         """Step 1: gaits and their simulated fitness, the best of the last generation first, then of those before.
 
-        Real gaits and seeds are in the first generation. In the first iteration, those to begin with come before all. Gaits that
-        fall in the simulator are left out.
+        Real gaits and seeds are in the first generation. In the first iteration, those to begin with come before all.
+        Gaits that fall in the simulator are left out.
         """
         rules, simulator = self.rules, self.versions[-1].simulator
         generations = max((rules.first if number == 1 else rules.later) >> self.halved, 1)
         known = self.real(rules.gaits)
         begun = np.concatenate([known, self.seeds])[: rules.gaits]
         rng = self.world.rng(f"gaits {number}")
-        search = Seen(roulette(self.known.shape[1], rng, rules.gaits, begun, rules.mutation))
+        target = -np.inf if rules.hope is None else -rules.hope
+        search = Seen(_Until(roulette(self.known.shape[1], rng, rules.gaits, begun, rules.mutation), target))
         found = drive(
             search,
             lambda some: self.world.play(some, simulator[None]).T,

@@ -22,12 +22,13 @@ class Rules:
     """The sizes of every step, as published but for `lost`, which is ours.
 
     iterations : at most. first, later : generations of step 1, in the first iteration and after it. gaits : candidates
-    of one generation. mutation : chance that a bit of theirs turns. stand : gaits that must stand on the robot (m). repeats : trials of each of them, and of the best
-    of step 4, which counts by these alone. turns : generations of step 3, of so many `simulators`; it ends early where
-    the difference is `enough` of its first value. difference : one of `differences.DIFFERENCES`. variations, steps :
-    trials of one estimate of the gradient, and estimates. lost : where this share of gaits falls, the simulator before
-    is used again. goal : score with which the task is met; None for never. Raises UsageError for sizes that make no
-    sense.
+    of one generation. mutation : chance that a bit of theirs turns. hope : simulated score with which step 1 ends
+    early; None for never. stand : gaits that must stand on the robot (m). repeats : trials of each of them, and of the
+    best of step 4, which counts by these alone. turns : generations of step 3, of so many `simulators`; it ends early
+    where the difference is `enough` of its first value. difference : one of `differences.DIFFERENCES`. variations,
+    steps : trials of one estimate of the gradient, and estimates. lost : where this share of gaits falls, the simulator
+    before is used again. goal : score with which the task is met; None for never. Raises UsageError for sizes that make
+    no sense.
     """
 
     iterations: int = 2
@@ -35,6 +36,7 @@ class Rules:
     later: int = 100
     gaits: int = 15
     mutation: float = 0.005
+    hope: float | None = None
     stand: int = 10
     repeats: int = 3
     turns: int = 45
@@ -55,8 +57,10 @@ class Rules:
                 _refuse(f"{name} = {getattr(self, name)}", "a share between 0 and 1")
         if self.difference not in DIFFERENCES:
             _refuse(f"difference = {self.difference!r}", f"one of {list(DIFFERENCES)}")
-        if self.goal is not None and not math.isfinite(self.goal):
-            _refuse(f"goal = {self.goal}", "a score, or None for no goal")
+        for name in ("goal", "hope"):
+            score = getattr(self, name)
+            if score is not None and not math.isfinite(score):
+                _refuse(f"{name} = {score}", "a score, or None for none")
 
     def within(self, rollouts: int | None) -> "Rules":
         """Steps 1 and 3 with the same share of their generations, so that no more than `rollouts` are run.

@@ -28,7 +28,8 @@ class Task:
     kind's numbers, which `values` of [[tasks]] overrides.
     score(base) : (B, E) from base (B, E, T+1, 12), in the order of `layout.BASE`; see `Walk`. What scores more than the
     base gives `scored(walk)` instead.
-    slope() : angle of the ground [rad]. laid() : where the first tracked bodies lie at the start. motion : the robot's motion that is sought, None for its gait.
+    slope() : angle of the ground [rad]. laid() : where the first tracked bodies lie at the start. motion : the robot's
+    motion that is sought, None for its gait.
     """
 
     kind: ClassVar[str]

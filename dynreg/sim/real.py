@@ -218,7 +218,8 @@ class SimulatedRobot(RealRobot):
 
     It walks, its base is held, or it is a base on wheels. Every trial has disturbances and sensor noise of its own,
     drawn from `seed` and the number of the trial.
-    slope : angle [rad] of the ground. laid : see `Arena`. changes : {number of a trial: what the robot is from it on}, as it wears.
+    slope : angle [rad] of the ground. laid : where bodies beside it lie, as in `Arena`. changes : {number of a trial:
+    what the robot is from it on}, as it wears.
     """
 
     parameters: np.ndarray
