@@ -14,7 +14,19 @@ import numpy as np
 from dynreg.adapt.differences import DIFFERENCES
 from dynreg.adapt.journalled import Outcome
 from dynreg.adapt.searched import searched
-from dynreg.adapt.tried import ADAPTED, BACK, REFINE, START, TRANSFER, Adapted, Reached, Rules, Tried, best_of
+from dynreg.adapt.tried import (
+    ADAPTED,
+    BACK,
+    REFINE,
+    ROULETTE,
+    START,
+    TRANSFER,
+    Adapted,
+    Reached,
+    Rules,
+    Tried,
+    best_of,
+)
 from dynreg.adapt.world import World
 from dynreg.errors import BudgetError
 from dynreg.search.bits import BYTE, grid, roulette
@@ -120,7 +132,7 @@ class _Run:
         begun = np.concatenate([known, self.seeds])[: rules.gaits]
         rng = self.world.rng(f"gaits {number}")
         target = -np.inf if rules.hope is None else -rules.hope
-        search = Seen(_Until(roulette(self.known.shape[1], rng, rules.gaits, begun, rules.mutation), target))
+        search = Seen(_Until(self.begun(rng, begun), target))
         found = drive(
             search,
             lambda some: self.world.play(some, simulator[None]).T,
@@ -131,10 +143,21 @@ class _Run:
         )
         self.resumed += found.resumed
         out = [(gait, None) for gait in known] if number == 1 else []
-        for asked, losses in reversed(search.rounds()):
+        rounds = search.rounds()
+        if rules.search != ROULETTE:  # others have no generations
+            rounds = [tuple(map(np.concatenate, zip(*rounds, strict=True)))]
+        for asked, losses in reversed(rounds):
             order = np.argsort(losses, kind="stable")
             out += [(asked[i], -float(losses[i])) for i in order if losses[i] < 0.0]
         return out
+
+    def begun(self, rng: np.random.Generator, first: np.ndarray) -> Search:
+        """The search of step 1, from gaits (n, G): all are of the first generation, or the first is where it begins."""
+        rules, genes = self.rules, self.known.shape[1]
+        if rules.search == ROULETTE:
+            return roulette(genes, rng, rules.gaits, first, rules.mutation)
+        point = first[0] if len(first) else None
+        return SEARCHES[rules.search].begin(Start(genes, rng, rules.gaits, point, self.world.periodic))
 
     def real(self, most: int) -> np.ndarray:
         """(n, G) at most so many of the gaits that stood on the robot, the best first; else those to begin with.
@@ -194,7 +217,7 @@ class _Run:
         first, name = float(difference(parent.simulator[None])[0]), f"simulators {number}"
         # a difference that may be negative has no share that is near enough
         target = rules.enough * first if first > 0.0 else -np.inf
-        rng, kind = self.world.rng(name), SEARCHES["roulette"]
+        rng, kind = self.world.rng(name), SEARCHES[ROULETTE]
         found = searched(
             difference,
             parent.simulator,
