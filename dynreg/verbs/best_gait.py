@@ -58,6 +58,6 @@ def _on_robot(tried: Sequence[Tried], best: Tried, task: Task) -> str:
     falls = sum(one.fell for one in tried)
     unit = "" if task.unit == "1" else f" {task.unit}"
     return (
-        f"on the robot it scored {best.score:.4g}{unit} in the mean of {own} trial{'s' * (own != 1)}, after {every} of"
-        f" all gaits there, of which {falls} ended with a fall; all other figures here are simulated"
+        f"on the robot: {best.score:.4g}{unit}, the mean of {own} of {every} trials there, of which {falls} ended with"
+        " a fall; all other figures are simulated"
     )
