@@ -37,6 +37,7 @@ from dynreg.search.start import Start
 from dynreg.search.table import SEARCHES
 
 NEAR = 0.99 * grid(BYTE)  # of the range: two codes of step 1 are farther apart
+BESIDE = 0.05  # of the range, 1 sigma, between a simulator and those beside it
 FEWEST = 2  # gaits that stood on the robot, with which a simulator can be adapted
 
 
@@ -126,19 +127,20 @@ class _Run:
         Real gaits and seeds are in the first generation. In the first iteration, those to begin with come before all.
         Gaits that fall in the simulator are left out.
         """
-        rules, simulator = self.rules, self.versions[-1].simulator
+        rules = self.rules
         generations = max((rules.first if number == 1 else rules.later) >> self.halved, 1)
         known = self.real(rules.gaits)
         begun = np.concatenate([known, self.seeds])[: rules.gaits]
         rng = self.world.rng(f"gaits {number}")
+        near = self.near(number)
         target = -np.inf if rules.hope is None else -rules.hope
         search = Seen(_Until(self.begun(rng, begun), target))
         found = drive(
             search,
-            lambda some: self.world.play(some, simulator[None]).T,
+            lambda some: self.world.play(some, near).min(axis=0)[:, None],
             lambda grades: (grades[:, 0], -grades[:, 0]),
             Limits(generations * rules.gaits),
-            journal=self.journal(f"gaits {number}", simulator, begun),
+            journal=self.journal(f"gaits {number}", near, begun),
             progress=lambda done, total: self.world.progress(f"gaits {number}", done, total),
         )
         self.resumed += found.resumed
@@ -150,6 +152,18 @@ class _Run:
             order = np.argsort(losses, kind="stable")
             out += [(asked[i], -float(losses[i])) for i in order if losses[i] < 0.0]
         return out
+
+    def near(self, number: int) -> np.ndarray:
+        """(k, P) the simulator of step 1, and others beside it.
+
+        A gait that scores in one simulator alone, such as by a ball that hits the one paw and then the other, is not
+        found again on the robot.
+        """
+        out = np.tile(self.versions[-1].simulator, (self.rules.near, 1))
+        if self.rules.near > 1:
+            rng = self.world.rng(f"near {number}")
+            out[1:, self.free] += BESIDE * rng.standard_normal((len(out) - 1, len(self.free)))
+        return np.clip(out, 0.0, 1.0)
 
     def begun(self, rng: np.random.Generator, first: np.ndarray) -> Search:
         """The search of step 1, from gaits (n, G): all are of the first generation, or the first is where it begins."""

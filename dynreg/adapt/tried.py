@@ -15,7 +15,7 @@ from dynreg.search.table import SEARCHES
 TRANSFER, REFINE = "transfer", "refine"  # what a trial is for: steps 2 and 4
 ROULETTE = "roulette"  # the paper's search
 START, BACK, ADAPTED = "start", "rolled back", "adapted"  # what made a version
-ONES = ("iterations", "first", "later", "gaits", "stand", "repeats", "turns", "simulators")
+ONES = ("iterations", "first", "later", "gaits", "stand", "repeats", "turns", "simulators", "near")
 LEAST = MappingProxyType(dict.fromkeys(ONES, 1) | {"variations": 2, "steps": 0})
 
 
@@ -25,7 +25,8 @@ class Rules:
 
     iterations : at most. first, later : generations of step 1, in the first iteration and after it. gaits : candidates
     of one generation. search : one of `search.table.SEARCHES` for step 1. mutation : of the paper's, chance that a bit
-    turns. hope : simulated score with which step 1 ends early; None for never. stand : gaits that must stand on the
+    turns. near : simulators in which step 1 runs every gait, the adapted one and others beside it; the worst score
+    counts. hope : simulated score with which step 1 ends early; None for never. stand : gaits that must stand on the
     robot (m). repeats : trials of each of them, and of the best of step 4, which counts by these alone. turns :
     generations of step 3, of so many `simulators`; it ends early where the difference is `enough` of its first value.
     difference : one of `differences.DIFFERENCES`. variations, steps : trials of one estimate of the gradient, and
@@ -39,6 +40,7 @@ class Rules:
     gaits: int = 15
     search: str = ROULETTE
     mutation: float = 0.005
+    near: int = 1
     hope: float | None = None
     stand: int = 10
     repeats: int = 3
@@ -88,7 +90,7 @@ class Rules:
     @property
     def rollouts(self) -> int:
         """Runs of single gaits in single simulators, where every generation of every step is run."""
-        gaits = self.gaits * (self.first + (self.iterations - 1) * self.later)
+        gaits = self.near * self.gaits * (self.first + (self.iterations - 1) * self.later)
         # a search begins with the simulator before, which is graded before it, too
         simulators = self.iterations * (2 + self.turns * self.simulators)
         return gaits + simulators * self.stand

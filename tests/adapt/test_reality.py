@@ -225,6 +225,24 @@ def test_the_search_for_gaits_ends_once_one_scores_enough_in_the_simulator() -> 
     assert len(asked) < rules.first and asked[-1] >= 0.8 > max(asked[:-1])
 
 
+def test_with_more_simulators_a_gait_counts_by_the_worst_and_one_that_is_good_in_one_alone_is_not_taken() -> (
+    None
+):
+    """A gait with a high last gene scores 1 in the simulator itself, and nothing a hair beside it."""
+
+    def play(gaits: np.ndarray, simulators: np.ndarray) -> np.ndarray:
+        exact = np.abs(simulators - BEGIN).max(axis=1) < 1e-9
+        fluke = (gaits[:, 3] > 0.5)[None] & exact[:, None]
+        return np.where(fluke, 1.0, np.where(gaits[:, 3] > 0.5, 0.0, 0.5 * scores(gaits, simulators)))
+
+    found = {}
+    for near in (1, 3):
+        rules = replace(SMALL, iterations=1, steps=0, near=near, stand=3)
+        found[near] = run(Robot(tall=1.0), rules, play=play, gaits=np.empty((0, 4))).tried[0]
+    assert found[1].gait[3] > 0.5 and found[1].simulated == 1.0
+    assert found[3].gait[3] <= 0.5 and 0.2 < found[3].simulated < 0.5
+
+
 def spoilt(robot: Robot) -> Reached:
     """The signed difference leads the simulator away: its gaits fall on a robot that slips far from the best."""
     rules = replace(SMALL, iterations=3, later=20, difference="signed", enough=0.01, steps=0)
