@@ -28,14 +28,16 @@ import numpy as np
 from bench_back_to_reality import Tape
 from journal import Journal
 from kept import keep
+from kick_points import SOLVED, both, goals_of, reached, show, told
+from kicking import SHAPE, Recorded, goal_of
 from naming import RESULTS
 
 from dynreg.adapt.goals import Goals, neighbours
 from dynreg.adapt.journalled import Outcome
 from dynreg.adapt.reality import back_to_reality
-from dynreg.adapt.tried import Reached, Rules
+from dynreg.adapt.tried import Rules
 from dynreg.adapt.world import World
-from dynreg.gait.tasks import Kick, fitness
+from dynreg.gait.tasks import Kick
 from dynreg.methods.by_reality import Played
 from dynreg.rng import stream
 from dynreg.sim.robot import Robot
@@ -43,9 +45,6 @@ from dynreg.sim.run import Walk
 
 REPORT, TUNE = 20261220, 81
 FILE = RESULTS / "kick.json"
-SOLVED = 0.1  # m, in a trial's score: the ball rolls for more than its diameter where it was aimed
-COSTS = ("trials", "falls", "rollouts", "core seconds")
-LEVELS = (0.1, 0.2, 0.3)  # m, at which points are counted
 DRAWS = 200  # about the pose at rest, for each place of the ball
 HANDED = 12  # kicks that a point hands on for each direction: 80 % of a generation
 BESIDE = 5  # kicks of each point beside that are played for it
@@ -65,43 +64,9 @@ RULES = Rules(
     steps=0,
     goal=SOLVED,
 )
-SHAPE = tuple(len(axis) for axis in kicking.AXES)
 # Bearings from the one where the legs reach best: a point begins with what was found beside it.
 ORDER = [(d, b, a) for b, d, a in product((1, 0, 2), range(SHAPE[0]), range(SHAPE[2]))]
 BETWEEN = 16  # goals between the points
-
-
-@dataclass(eq=False)
-class Recorded:
-    """Kicks (n, G) of a ball at one place, as step 1 plays them, with their fitness in every direction.
-
-    tasks : one for each direction. at : number of the direction that is sought.
-    """
-
-    played: Played
-    tasks: list[Kick]
-    at: int
-    kicks: list[np.ndarray] = field(default_factory=list)
-    fitness: list[np.ndarray] = field(default_factory=list)
-
-    def __call__(self, kicks: np.ndarray, simulators: np.ndarray) -> np.ndarray:
-        walk = self.played.walk(kicks, simulators)
-        if len(simulators) <= NEAR:
-            self.add(kicks, walk)
-        return fitness(self.tasks[self.at].grade(walk))
-
-    def add(self, kicks: np.ndarray, walk: Walk) -> None:
-        """Keep kicks and what they did in one simulator, or in the worst of some."""
-        self.kicks.append(kicks)
-        scores = [fitness(task.grade(walk)).min(axis=0) for task in self.tasks]
-        self.fitness.append(np.stack(scores, axis=1))
-
-    def best(self, most: int, direction: int) -> np.ndarray:
-        """(n, G) the best so many for a direction, no two alike, of those that scored."""
-        kicks, scores = np.concatenate(self.kicks), np.concatenate(self.fitness)[:, direction]
-        order = np.argsort(-scores, kind="stable")[: int((scores > 0.0).sum())]
-        _, first = np.unique(kicks[order], axis=0, return_index=True)
-        return kicks[order][np.sort(first)[:most]]
 
 
 @dataclass(frozen=True)
@@ -134,13 +99,14 @@ class Bench:
         began, name = time.process_time(), f"kick {at}" if number == 1 else f"kick {at} again"
         task = self.task(goal_of(at))
         tasks = [self.task((*goal_of(at)[:2], float(way))) for way in kicking.AXES[2]]
-        played = Recorded(Played(self.robot, task, self.hidden.seed, self.threads), tasks, at[2])
+        rules = self.rules if number == 1 else replace(self.rules, near=NEAR)
+        own = Played(self.robot, task, self.hidden.seed, self.threads)
+        played = Recorded(own, tasks, at[2], rules.near)
         self.seed(played, at, done, simulator)
         seeds = played.best(HANDED, at[2])
         world, spent = self.world(played, task, name)
         nothing = np.empty((0, len(played.played.space)))
         free = np.arange(len(self.robot.space))
-        rules = self.rules if number == 1 else replace(self.rules, near=NEAR)
         found = back_to_reality(world, rules, nothing, simulator, free, seeds)
         again: list[float] = []
         if found.best is not None:
@@ -203,90 +169,6 @@ class Bench:
             }
             out.append({"goal": goal, **scores})
         return out
-
-
-def goal_of(at: tuple[int, ...]) -> tuple[float, ...]:
-    """Distance [m], bearing and direction [rad] of a point."""
-    return tuple(float(axis[i]) for axis, i in zip(kicking.AXES, at, strict=True))
-
-
-def told(found: Reached, spent: list[float | None]) -> dict:
-    """What is kept of a point."""
-    best = found.best
-    return {
-        "unit": None if best is None else best.gait.tolist(),
-        "score": None if best is None else best.score,
-        "simulated": None if best is None else best.simulated,
-        "trials": len(spent),
-        "falls": spent.count(None),
-        "tried": [(one.iteration, one.simulated, one.scores) for one in found.tried],
-        "ended": found.ended,
-        "versions": [(v.made, v.before, v.after) for v in found.versions],
-        "simulator": found.versions[-1].simulator.tolist(),
-    }
-
-
-def reached(line: dict, least: float = SOLVED) -> bool:
-    """Whether the new trials of a point's kick all stood and reach so much in the mean."""
-    again = line["again"]
-    return bool(again) and min(again) > 0.0 and float(np.mean(again)) >= least
-
-
-def both(first: dict, second: dict) -> dict:
-    """A point after its second run: the better answer, and what both runs have cost."""
-    better = max((first, second), key=lambda line: (reached(line), mean(line)))
-    return better | {key: first[key] + second[key] for key in COSTS}
-
-
-def points_of(lines: list[dict], seed: int) -> dict[tuple[int, ...], dict]:
-    """The points of a robot, after both runs."""
-    done: dict[tuple[int, ...], dict] = {}
-    for line in lines:
-        if line["robot"] == seed and line["step"] in ("point", "second"):
-            at = tuple(line["at"])
-            done[at] = both(done[at], line) if at in done else line
-    return done
-
-
-def mean(line: dict) -> float:
-    """Of the new trials of a point's kick; 0 where there are none."""
-    return float(np.mean(line["again"])) if line["again"] else 0.0
-
-
-def goals_of(done: dict[tuple[int, ...], dict]) -> Goals:
-    """The grid with the kicks of the points that are solved."""
-    gaits = np.full((*SHAPE, 25), np.nan)
-    for at, line in done.items():
-        if reached(line):
-            gaits[at] = line["unit"]
-    return Goals(kicking.AXES, gaits)
-
-
-def show(lines: list[dict]) -> None:
-    """Print the points of every robot and their count."""
-    for seed in dict.fromkeys(line["robot"] for line in lines):
-        own = [*points_of(lines, seed).values()]
-        total = lambda key: sum(line[key] for line in own)  # noqa: E731, B023
-        print(f"robot {seed}: {len(own)} points, {total('trials')} trials, {total('falls')} of them falls")
-        for line in sorted(own, key=lambda line: line["at"]):
-            distance, *angles = goal_of(tuple(line["at"]))
-            bearing, direction = np.rad2deg(angles)
-            again = mean(line)
-            mark = "solved" if reached(line) else "not solved"
-            print(
-                f"  {distance:.2f} m {bearing:3.0f} deg -> {direction:3.0f} deg: {again:.3f} m {mark}"
-                f" {line['trials']:3} trials {line['falls']:2} falls"
-            )
-        counts = ", ".join(f"{sum(reached(line, least) for line in own)} by {least} m" for least in LEVELS)
-        print(f"  solved: {counts}; {total('rollouts')} simulated kicks, {total('core seconds'):.0f} core s")
-        for line in lines:
-            if line["robot"] == seed and line["step"] == "between":
-                for kind in ("interpolated", "nearest"):
-                    scores = np.array([one[kind] for one in line["goals"]])
-                    print(
-                        f"  between, {kind}: median {np.median(scores):.3f} m,"
-                        f" {(scores >= SOLVED).sum()} of {len(scores)} reach {SOLVED} m"
-                    )
 
 
 def main() -> None:

@@ -7,7 +7,9 @@ import bench_back_to_reality
 import bench_kick
 import kicking
 import pytest
-from bench_kick import ORDER, RULES, SHAPE, SOLVED, Bench, both, goal_of, goals_of, points_of, reached
+from bench_kick import ORDER, RULES, Bench
+from kick_points import SOLVED, both, goals_of, points_of, reached, show
+from kicking import SHAPE, goal_of
 
 from dynreg.gait.space import gait_space
 from dynreg.sim.robot import Robot
@@ -50,7 +52,7 @@ def test_points_are_counted_and_told(capsys) -> None:
     cost = {"trials": 4, "falls": 1, "rollouts": 10, "core seconds": 1.0}
     told = {"robot": 1, "step": "point", **cost}
     rows = [told | {"at": at} | line(*[0.01 * i] * 3) for i, at in enumerate(ORDER)]
-    bench_kick.show(rows)
+    show(rows)
     text = capsys.readouterr().out
     assert "30 points, 120 trials, 30 of them falls" in text
     assert "solved: 20 by 0.1 m, 10 by 0.2 m, 0 by 0.3 m" in text
