@@ -8,7 +8,8 @@ next point begins with that simulator. There is no step 4.
 Step 1 begins with the best that the points beside it ended with, or of some draws about the pose at rest. The search is
 CMA-ES from the best of them, which is much faster here; or with `--search roulette` the paper's, whose first 15 kicks
 are 12 of them (80 %, as in the paper's second run). Points that are left unsolved have a second run, from what is
-beside them by then: in it a kick counts in the simulator by the worse of two, the adapted one and one beside it.
+beside them by then, of one iteration: in it a kick counts by the worse of two simulators, the adapted one and one
+beside it.
 
 A point counts as solved where three new trials, which no choice has seen, stand and reach `SOLVED` in the mean. What is
 not solved is filled from its neighbours. Between the points, kicks are interpolated and tried once each. Every finished
@@ -99,7 +100,7 @@ class Bench:
         began, name = time.process_time(), f"kick {at}" if number == 1 else f"kick {at} again"
         task = self.task(goal_of(at))
         tasks = [self.task((*goal_of(at)[:2], float(way))) for way in kicking.AXES[2]]
-        rules = self.rules if number == 1 else replace(self.rules, near=NEAR)
+        rules = self.rules if number == 1 else replace(self.rules, near=NEAR, iterations=1)
         own = Played(self.robot, task, self.hidden.seed, self.threads)
         played = Recorded(own, tasks, at[2], rules.near)
         self.seed(played, at, done, simulator)
