@@ -84,7 +84,7 @@ def kept(axes: plt.Axes, points: list[dict]) -> None:
     axes.plot(*zip(*shares, strict=True), "o", ms=3.5, color=REAL)
     for at, line in zip(simulated, points, strict=True):
         if any(made == "adapted" for made, *_ in line["versions"]):
-            axes.axvline(at, color="black", lw=0.8, ls=(0, (4, 3)))
+            axes.axvline(at, color=OTHER, lw=0.6, ls=(0, (4, 3)), zorder=0)
     axes.set(
         title="kicks: score on the robot / simulated", xlabel="simulated kicks so far", ylim=(-0.05, 2.05)
     )
