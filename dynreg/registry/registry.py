@@ -1,4 +1,4 @@
-"""The store of populations, entries, recordings and results: one directory that can be moved."""
+"""The store of populations, entries, recordings and results: one directory that can be moved, or a shared one."""
 
 import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -37,6 +37,7 @@ from dynreg.registry.records import (
     ShardData,
 )
 from dynreg.registry.renewing import renew
+from dynreg.registry.sharing import Shared, share
 
 
 class Registry:
@@ -65,6 +66,12 @@ class Registry:
         directory = open_directory(Path(path), create)
         renew(directory)
         return cls(directory)
+
+    @classmethod
+    def share(cls, path: Path | str, catalog: str, blobs: str) -> "Registry":
+        """Open the registry at these addresses with its local folder at `path`, which is made; see `sharing.share`."""
+        share(Path(path), Shared(catalog, blobs))
+        return cls.open(path)
 
     def __enter__(self) -> "Registry":
         return self
