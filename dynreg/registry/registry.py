@@ -37,7 +37,7 @@ from dynreg.registry.records import (
     ShardData,
 )
 from dynreg.registry.renewing import renew
-from dynreg.registry.sharing import Shared, share
+from dynreg.registry.sharing import Shared, share, shared_at
 
 
 class Registry:
@@ -91,6 +91,12 @@ class Registry:
     def path(self) -> Path:
         """The registry's directory."""
         return self.directory.path
+
+    @property
+    def addresses(self) -> dict[str, str]:
+        """Where the `catalog` and the `blobs` of a shared registry lie; empty of one in its own folder."""
+        shared = shared_at(self.path)
+        return {} if shared is None else vars(shared)
 
     @property
     def read_only(self) -> bool:

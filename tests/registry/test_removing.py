@@ -108,7 +108,7 @@ def cut_short(registry) -> set[str]:
     """The files of a removal whose process died before it could remove them."""
     before = files(registry.path)
     with (
-        mock.patch.object(removing, "remove_files", side_effect=KeyboardInterrupt),
+        mock.patch.object(registry.directory, "remove", side_effect=KeyboardInterrupt),
         pytest.raises(KeyboardInterrupt),
     ):
         remove(registry, ["first run", "bench"])
