@@ -3,24 +3,28 @@
 An object is there whole or not at all, so nothing is written under a temporary name.
 """
 
+import hashlib
 import io
+import secrets
 import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qsl, urlsplit
 
 from dynreg.errors import CorruptError, NoPlaceError, RegistryError, UsageError
 
 if TYPE_CHECKING:
-    from pyarrow.fs import FileInfo, FileSystem
+    from pyarrow.fs import FileSystem
 
 _SECRET = {"access_key", "secret_key", "session_token", "external_id"}
 _OPTIONS = {"region", "scheme", "endpoint_override"}
 _ATTEMPTS, _CONNECT_SECONDS, _REQUEST_SECONDS = 4, 5, 60
 _AT_ONCE = 16  # requests side by side: S3 answers one in some 20 to 50 ms, however small it is
+_DIGEST = 32
 _GAP = 1 << 16  # bytes: ranges that are nearer to each other are fetched as one
 
 
@@ -30,11 +34,13 @@ class Bucket:
     Attributes
     ----------
     uri : such as s3://bucket/prefix, with ?region=, ?endpoint_override= and ?scheme= where it is no bucket of Amazon's.
+    kept : folder for the parts of objects that were fetched; None to keep none.
     fetched, requests : bytes that were read since it was opened, and in how many requests.
     """
 
-    def __init__(self, uri: str):
+    def __init__(self, uri: str, kept: Path | None = None):
         self.uri = uri
+        self.kept = kept
         self.fetched, self.requests = 0, 0
         self._counting = threading.Lock()
         self._files, self._base = _reached(uri)
@@ -62,7 +68,7 @@ class Bucket:
     def read_ranges(self, file: "Remote", ranges: Sequence[tuple[int, int]]) -> list[bytes]:
         """Bytes `first` to `stop` of an object for each (first, stop), side by side; FileNotFoundError as `read`."""
         pieces = _joined(ranges)
-        with self._telling(file.name), self._files.open_input_file(self._info(file)) as stream:
+        with self._telling(file.name), self._files.open_input_file(self._path(file.name)) as stream:
             if len(pieces) > 1:
                 with ThreadPoolExecutor(min(_AT_ONCE, len(pieces))) as pool:
                     parts = list(pool.map(lambda p: stream.read_at(p[1] - p[0], p[0]), pieces))
@@ -106,12 +112,6 @@ class Bucket:
     def _path(self, name: str) -> str:
         return f"{self._base}/{name}" if name else self._base
 
-    def _info(self, file: "Remote") -> "FileInfo":
-        """The object with its size, which then need not be asked for."""
-        from pyarrow.fs import FileInfo, FileType
-
-        return FileInfo(self._path(file.name), FileType.File, size=file.size)
-
     def _count(self, size: int, requests: int) -> None:
         with self._counting:
             self.fetched += size
@@ -140,10 +140,39 @@ class Remote:
 
     def ranges(self, ranges: Sequence[tuple[int, int]]) -> list[bytes]:
         """Bytes `first` to `stop` for each (first, stop); OSError where the object is gone or shorter."""
-        found = self.bucket.read_ranges(self, ranges)
-        if any(len(data) != stop - first for data, (first, stop) in zip(found, ranges, strict=True)):
-            raise OSError("it ends before it should")
-        return found
+        found = {one: self._part(*one) for one in ranges}
+        missing = [one for one, data in found.items() if data is None]
+        fetched = self.bucket.read_ranges(self, missing) if missing else []
+        for one, data in zip(missing, fetched, strict=True):
+            if len(data) != one[1] - one[0]:
+                raise OSError("it ends before it should")
+            self._keep(*one, data)
+            found[one] = data
+        return [found[one] for one in ranges]
+
+    def _place(self, first: int, stop: int) -> Path:
+        return self.bucket.kept / self.name / f"{first}-{stop}"
+
+    def _part(self, first: int, stop: int) -> bytes | None:
+        """What was fetched before, as long as it is as it was."""
+        if self.bucket.kept is None:
+            return None
+        try:
+            kept = self._place(first, stop).read_bytes()
+        except OSError:
+            return None
+        digest, data = kept[:_DIGEST], kept[_DIGEST:]
+        return data if hashlib.sha256(data).digest() == digest else None
+
+    def _keep(self, first: int, stop: int, data: bytes) -> None:
+        if self.bucket.kept is None:
+            return
+        place = self._place(first, stop)
+        hidden = place.with_name(f".{place.name}-{secrets.token_hex(6)}")
+        with suppress(OSError):  # no more than a copy: where there is no room for it, it is fetched again
+            place.parent.mkdir(parents=True, exist_ok=True)
+            hidden.write_bytes(hashlib.sha256(data).digest() + data)
+            hidden.replace(place)
 
     def opened(self) -> io.RawIOBase:
         """A stream that fetches what is read of it."""

@@ -204,7 +204,7 @@ class Directory:
         ]
 
     def brought(self, name: str) -> Path:
-        """Where a file lies that the catalogue does not know and whose name ends in its hash, brought from the bucket."""
+        """Where a file lies that the catalogue does not know; brought from the bucket, by the hash in its name."""
         path = self.locate(name)
         if self.bucket is not None and not self._lies_here_as_named(path):
             with suppress(FileNotFoundError):  # removed meanwhile: whoever reads it finds none

@@ -46,7 +46,13 @@ def open_directory(path: Path, create: bool, aside: bool = False) -> Directory:
     """
     if (told := shared_at(path)) is not None:
         check_links(path)
-        return open_shared(path, told)
+        directory = open_shared(path, told)
+        try:
+            _check_served(directory)
+        except BaseException:
+            directory.close()
+            raise
+        return directory
     made = not path.exists()
     if lost_marker(path):
         raise CorruptError(
@@ -111,6 +117,18 @@ def lost_catalog(path: Path) -> bool:
 def lost_marker(path: Path) -> bool:
     """Whether a registry lies at `path` whose marker is missing or damaged."""
     return _version(path) is None and (path / FILE).is_file() and (path / LEDGER).is_dir()
+
+
+def _check_served(directory: Directory) -> None:
+    """CorruptError where the catalogue is empty and the bucket holds what was put."""
+    if (
+        not directory.catalog.last_page() and len(directory.bucket.names(LEDGER)) > 1
+    ):  # one may have been cut short
+        raise CorruptError(
+            f"the catalogue of {str(directory.path)!r} is empty, and its bucket is not",
+            expected="the catalogue that follows the ledger in the bucket",
+            do="restore the database from a backup, or run `dynreg verify --repair` to write it from the ledger",
+        )
 
 
 def check_marker(path: Path) -> None:

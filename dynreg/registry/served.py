@@ -8,7 +8,7 @@ short before anybody was told of it.
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from sqlalchemy import Connection, func, inspect, select, text
+from sqlalchemy import Connection, func, inspect, select
 from sqlalchemy.exc import DBAPIError
 
 import dynreg.registry.migrations as migrations
@@ -94,7 +94,10 @@ class ServedCatalog:
             return Writing(connection).last_page()[0]
 
     def begin_anew(self, writing: Writing, rows: dict[str, list[Values]], after: int = 0) -> None:
-        """Put these rows in place of all that the catalogue holds, and begin its ledger anew with them, behind `after`."""
+        """Put these rows in place of all that the catalogue holds, and begin its ledger anew with them.
+
+        after : number of a page that the new one has to come after, beside those that the catalogue holds.
+        """
         number = max(after, writing.last_page()[0]) + 1
         page = Page(number, put={name: tuple(values) for name, values in rows.items()}, whole=True)
         writing.follow(page, self._keep(page))
@@ -131,16 +134,3 @@ class ServedCatalog:
         file, data = encode_page(page)
         self.bucket.write(file.path, data)
         return file.sha256
-
-
-def strange_tables(connection: Connection) -> list[str]:
-    """The catalogue's tables that are none, or that are missing, a line each."""
-    kinds = dict(
-        connection.execute(
-            text(
-                "SELECT table_name, table_type FROM information_schema.tables WHERE table_schema = current_schema()"
-            )
-        ).all()
-    )
-    wanted = (name for name in tables.metadata.tables)
-    return [f"{name!r} is {kinds.get(name, 'missing')}" for name in wanted if kinds.get(name) != "BASE TABLE"]

@@ -13,12 +13,13 @@ import dynreg.registry.disk as disk
 from dynreg.errors import RegistryError
 from dynreg.registry.bucket import Bucket
 from dynreg.registry.directory import Directory
-from dynreg.registry.files import FOLDERS, LOCKS, is_temporary, read_regular, write_file
+from dynreg.registry.files import CACHE, FOLDERS, LOCKS, is_temporary, read_regular, write_file
 from dynreg.registry.served import ServedCatalog
 from dynreg.registry.server import address
 
 MARKER = "dynreg.json"
 FORMAT = "dynreg-registry"
+PARTS = "parts"  # of files in the bucket of which not all was fetched
 VERSION = 3  # of a marker that names a catalogue and a bucket
 _BYTES = 4000  # a marker has some 200
 
@@ -97,7 +98,7 @@ def open_shared(path: Path, told: Shared) -> Directory:
     """Open a shared registry by its local folder; raises as `ServedCatalog`, and where the bucket is not reached."""
     for name in (*FOLDERS, LOCKS):
         disk.make_folder(path / name)
-    bucket = Bucket(told.blobs)
+    bucket = Bucket(told.blobs, kept=path / CACHE / PARTS)
     return Directory(path, ServedCatalog(told.catalog, bucket), bucket=bucket)
 
 

@@ -10,7 +10,11 @@ from dynreg.results.stored import Info
 from dynreg.verbs.list import KINDS, listing
 
 NEEDED = ("dynreg", "mujoco", "torch", "numpy", "pyarrow")
-OPTIONAL = {"hnswlib": "hnswlib", "psycopg": "postgres", "rerun-sdk": "rerun"}  # distribution: the extra that brings it
+OPTIONAL = {
+    "hnswlib": "hnswlib",
+    "psycopg": "postgres",
+    "rerun-sdk": "rerun",
+}  # distribution: the extra that brings it
 
 
 def information(registry: Registry | Path) -> Info:

@@ -8,7 +8,6 @@ import pytest
 from registry_contents import POPULATION, ROBOT, make_recording, make_robot
 
 import dynreg.registry.opening as opening
-import dynreg.registry.removing as removing
 from dynreg.errors import NoMatchError, RegistryError, UsageError
 from dynreg.registry import Registry, collect, removal, remove, verify
 
