@@ -3,11 +3,12 @@
 import hashlib
 import os
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+import stores as stores_
 from hypothesis import settings
 
 ROOT = Path(__file__).parents[1]
@@ -25,6 +26,20 @@ LONGEST = ("test_pages.py", "test_wheel.py", "test_optional_parts.py", "test_exa
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The longest first: where several processes share the tests, none is left with one of them at the end."""
     items.sort(key=lambda item: item.path.name not in LONGEST)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Where the registries of `tests/registry` lie: in a folder, or on servers that the tests start."""
+    parser.addoption("--store", choices=("folder", "shared"), default="folder", help=pytest_addoption.__doc__)
+
+
+@pytest.fixture(scope="session")
+def stores() -> Iterator[stores_.Stores]:
+    """PostgreSQL and a stand-in for S3, running; the tests that ask for them are skipped where they cannot run."""
+    if why := stores_.why_none():
+        pytest.skip(why)
+    with stores_.running() as running:
+        yield running
 
 
 @pytest.fixture(autouse=True)

@@ -3,10 +3,12 @@
 Both listen on this machine alone, keep what they hold in a temporary folder, and go with the tests.
 """
 
+import ctypes
 import os
 import pwd
 import re
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -16,6 +18,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 KEYS = {"AWS_ACCESS_KEY_ID": "test", "AWS_SECRET_ACCESS_KEY": "test", "AWS_EC2_METADATA_DISABLED": "true"}
 # What a crash of the machine may take matters to no test.
@@ -34,7 +37,6 @@ class Stores:
 
     port: int
     endpoint: str
-    programs: Path
     number: int = 0
     lock: threading.Lock = field(default_factory=threading.Lock)
 
@@ -98,12 +100,23 @@ def why_none() -> str:
 
 
 @contextmanager
-def running(folder: Path) -> Iterator[Stores]:
-    """Both servers, with what they hold in `folder`."""
+def running() -> Iterator[Stores]:
+    """Both servers, with what they hold in a temporary folder."""
     programs = _programs()
     os.environ.update(KEYS)
-    with _postgres(programs, folder / "postgres") as port, _moto(folder) as endpoint:
-        yield Stores(port, endpoint, programs)
+    with TemporaryDirectory(
+        prefix="stores-"
+    ) as place:  # not among pytest's folders, which are one user's alone
+        folder = Path(place)
+        folder.chmod(0o711)
+        with _postgres(programs, folder / "postgres") as port, _moto(folder) as endpoint:
+            yield Stores(port, endpoint)
+
+
+def _ends_with_us() -> None:
+    """Have the system end this process with its parent, so that killed tests leave no server (on Linux)."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(1, signal.SIGINT)
 
 
 @contextmanager
@@ -112,9 +125,6 @@ def _postgres(programs: Path, folder: Path) -> Iterator[int]:
     user = _ordinary_user()
     if user is not None:
         os.chown(folder, user.pw_uid, user.pw_gid)
-        for parent in folder.parents:  # pytest's own folders are this user's alone
-            if parent.stat().st_uid == os.getuid() and parent != Path("/"):
-                parent.chmod(parent.stat().st_mode | 0o011)
     port, data = _free_port(), folder / "data"
     run = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True, "cwd": folder}
     run |= {} if user is None else {"user": user.pw_uid, "group": user.pw_gid, "extra_groups": []}
@@ -127,6 +137,7 @@ def _postgres(programs: Path, folder: Path) -> Iterator[int]:
         options = [word for setting in _HASTY for word in ("-c", setting)]
         server = subprocess.Popen(
             [programs / "postgres", "-D", data, "-p", str(port), "-k", folder, *options],
+            preexec_fn=_ends_with_us,
             **run | {"stdout": log, "stderr": log},
         )
     try:
@@ -135,12 +146,8 @@ def _postgres(programs: Path, folder: Path) -> Iterator[int]:
             time.sleep(0.05)
         yield port
     finally:
-        server.terminate()  # a quick end would be SIGINT; connections of tests are closed by now
-        try:
-            server.wait(5)
-        except subprocess.TimeoutExpired:
-            server.send_signal(3)
-            server.wait()
+        server.send_signal(signal.SIGQUIT)  # at once: nothing of it is kept
+        server.wait()
 
 
 @contextmanager
@@ -151,6 +158,7 @@ def _moto(folder: Path) -> Iterator[str]:
             [sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", str(port)],
             stdout=log,
             stderr=log,
+            preexec_fn=_ends_with_us,
             env=os.environ | {"MOTO_ALLOW_NONEXISTENT_REGION": "1"},
         )
     try:

@@ -10,7 +10,7 @@ import dynreg.registry.disk as disk
 import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError, RegistryError
 from dynreg.registry.catalog import BESIDE, FILE, Catalog
-from dynreg.registry.comparing import Fault, VerifyReport
+from dynreg.registry.comparing import Fault, VerifyReport, again
 from dynreg.registry.examining import Examined, Stored, examine, keyed, read_served, stored_in
 from dynreg.registry.files import (
     CACHE,
@@ -38,6 +38,7 @@ from dynreg.registry.opening import (
     write_marker,
 )
 from dynreg.registry.rebuild import Rows, manifest_of, new_rows, paths_in
+from dynreg.registry.scan import damaged_here
 from dynreg.registry.sharing import Shared, open_shared, shared_at
 from dynreg.registry.sweeping import remove_files
 from dynreg.registry.tables import Values, values_of
@@ -113,8 +114,13 @@ def _of_shared(path: Path, told: Shared, repair: bool, dry_run: bool) -> VerifyR
                 examined = examine(place, stored)
                 report = _foreseen(place, examined, examined.report) if dry_run else examined.report
         where = told.blobs.partition("?")[0]  # what was copied lies there
-        faults = (replace(f, problem=f.problem.replace(str(place), where)) for f in report.faults)
+        faults = [replace(f, problem=f.problem.replace(str(place), where)) for f in report.faults]
+        damaged = damaged_here(path)
+        faults += [Fault(again(name), name, why, lost=False) for name, why in damaged.items()]
         report = replace(report, faults=(*lost, *faults))
+        if repair:
+            _put_away(path, list(damaged))
+            sweep(path)
         return _with_words(report, "would be " * dry_run) if repair or dry_run else report
 
 
