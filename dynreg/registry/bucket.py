@@ -237,7 +237,7 @@ _CODES = ("NO_SUCH_BUCKET", *_RIGHTS)
 
 def lost(file: Remote | str, error: Exception | str) -> CorruptError:
     """The error for an object that is gone, or not the one that was registered."""
-    told = "it is not there" if isinstance(error, FileNotFoundError) else str(error)
+    told = "No such file or directory" if isinstance(error, FileNotFoundError) else str(error)
     return CorruptError(
         f"{str(file)!r} cannot be read: {told}",
         expected="the file as it was registered",

@@ -30,12 +30,14 @@ from dynreg.registry.indexes import read_index
 from dynreg.registry.ledger import read_ledger
 from dynreg.registry.rebuild import manifest_of
 from dynreg.registry.registry import Registry
+from dynreg.registry.sharing import PARTS
 from dynreg.registry.sweeping import remove_files, size_of
 
 DAYS = 7  # after which a copy of a read-only registry's catalogue is nobody's any more
 _NAMED_BY_NOTHING = "nothing names it"
 _AGAIN = "it can be computed again"
 _DAMAGED = "it is damaged"
+_ELSEWHERE = "it is a copy of what lies in the bucket"
 
 
 @dataclass(frozen=True)
@@ -74,11 +76,21 @@ def collect(registry: Registry, *, caches: bool = False, dry_run: bool = False) 
         found += [_cut_short(root, path) for path in abandoned(root)]
         if not dry_run:
             directory.remove([one.path for one in found if not one.cut_short])
+    copies = list(_copies(root)) if caches and directory.bucket is not None else []
     left = list(_left_by_readers())
     if not dry_run:
+        remove_files(root, [one.path for one in copies])
         sweep(root)
         remove_files(Path("/"), [one.path.lstrip("/") for one in left])
-    return (*found, *left)
+    return (*found, *copies, *left)
+
+
+def _copies(root: Path) -> Iterator[Unneeded]:
+    """What lies here of a shared registry's files, whole or in part."""
+    for folder in (*CONTENTS, INDEX, f"{CACHE}/{PARTS}"):
+        for path in sorted((root / folder).rglob("*")):
+            if path.is_file() and not is_temporary(path.name):
+                yield Unneeded(path.relative_to(root).as_posix(), _ELSEWHERE, size_of(path))
 
 
 def _require_ledger(root: Path, connection: Connection) -> None:

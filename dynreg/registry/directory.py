@@ -81,11 +81,12 @@ class Directory:
 
     def stage(self, file: StoredFile, data: bytes) -> None:
         """Bring `data` to disk, before the transaction that registers it."""
-        if not self._lies_here(file):
+        here = self.is_here(file)
+        if not here:
             write_file(self.home / file.path, data)
         elif not self.read_only:  # whoever wrote it may have been cut short before its name was synced
             disk.sync_folder((self.home / file.path).parent)
-        self.push(file.path, data)
+        self.push(file.path, data, anew=not here)
 
     def register(self, writing: Writing, file: StoredFile, data: bytes) -> None:
         """Enter a staged file into the catalogue, inside the caller's transaction."""

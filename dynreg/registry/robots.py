@@ -140,7 +140,8 @@ def _write_copy(
     anew: bool = False,
 ) -> None:
     for relative, data in contents.items():
-        directory.push(f"{ROBOTS}/{robot_hash}/{relative}", data, anew)
+        file = StoredFile(f"{ROBOTS}/{robot_hash}/{relative}", manifest[relative])
+        directory.push(file.path, data, anew or not directory.is_here(file))
         path = directory.home / ROBOTS / robot_hash / relative
         if not _is_sound(path, manifest[relative]):
             disk.make_folder(path.parent)

@@ -8,20 +8,24 @@ short before anybody was told of it.
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from sqlalchemy import Connection, func, inspect, select
+from sqlalchemy import Connection, func, select
 from sqlalchemy.exc import DBAPIError
 
 import dynreg.registry.migrations as migrations
 import dynreg.registry.tables as tables
+from dynreg.errors import CorruptError
 from dynreg.registry.bucket import Bucket
 from dynreg.registry.ledger import Page, encode_page
-from dynreg.registry.server import address, engine_for, explained
+from dynreg.registry.seal import lost_tables
+from dynreg.registry.server import address, engine_for, explained, shown
 from dynreg.registry.tables import Values
 from dynreg.registry.writing import Writing
 
 
 class ServedCatalog:
-    """Transactions on the catalogue at `url`, whose tables are made where they are missing.
+    """Transactions on the catalogue at `url`, whose tables are made where there are none.
+
+    migrate : False leaves it as it is.
 
     Readers see one moment and wait for nobody. Writers take turns. Its rows are guarded by the server's rights and
     checksums: their seals are compared by `verify`, and not at every look.
@@ -29,10 +33,12 @@ class ServedCatalog:
     Raises RegistryError (newer version, not reached, refused, locked) and CorruptError (its tables are damaged).
     """
 
-    def __init__(self, url: str, bucket: Bucket):
+    def __init__(self, url: str, bucket: Bucket, migrate: bool = True):
         self.url = address(url)
         self.bucket = bucket
         self._engine = engine_for(self.url)
+        if not migrate:
+            return
         try:
             self.migrate()
         except BaseException:
@@ -63,17 +69,22 @@ class ServedCatalog:
         self._engine.dispose()
 
     def migrate(self) -> None:
-        """Make the tables of a new catalogue, or bring an older one up to date."""
+        """Make the tables of a new catalogue, or bring an older one up to date; CorruptError where some are lost."""
         with self.transaction("BEGIN") as connection:
-            if not migrations.pending(connection) and inspect(connection).has_table("entries"):
+            lost = lost_tables(connection)
+            if not lost and not migrations.pending(connection):
                 return
         with self.transaction("BEGIN IMMEDIATE") as connection:  # another process may have been quicker
-            pending = migrations.pending(connection)
-            if pending == list(migrations.STEPS) or not inspect(connection).has_table("entries"):
+            lost, pending = lost_tables(connection), migrations.pending(connection)
+            if len(lost) == len(tables.metadata.tables):
                 tables.metadata.create_all(connection)
-                connection.execute(tables.migrations.delete())
-                rows = [{"name": name} for name in migrations.STEPS]
-                connection.execute(tables.migrations.insert(), rows)
+                connection.execute(tables.migrations.insert(), [{"name": name} for name in migrations.STEPS])
+            elif lost and not pending:
+                raise CorruptError(
+                    f"the catalogue {shown(self.url)!r} lacks the table {lost[0]!r}",
+                    expected="the tables that dynreg made",
+                    do="restore it from a backup, or run `dynreg verify --repair`, which writes it from the ledger",
+                )
             elif pending:
                 migrations.apply(connection, pending)
 

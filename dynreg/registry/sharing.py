@@ -94,12 +94,15 @@ def share(path: Path, told: Shared) -> None:
     write_file(path / MARKER, json.dumps(marker).encode() + b"\n")
 
 
-def open_shared(path: Path, told: Shared) -> Directory:
-    """Open a shared registry by its local folder; raises as `ServedCatalog`, and where the bucket is not reached."""
+def open_shared(path: Path, told: Shared, migrate: bool = True) -> Directory:
+    """Open a shared registry by its local folder; raises as `ServedCatalog`, and where the bucket is not reached.
+
+    migrate : False leaves its catalogue as it is, whatever that lacks.
+    """
     for name in (*FOLDERS, LOCKS):
         disk.make_folder(path / name)
     bucket = Bucket(told.blobs, kept=path / CACHE / PARTS)
-    return Directory(path, ServedCatalog(told.catalog, bucket), bucket=bucket)
+    return Directory(path, ServedCatalog(told.catalog, bucket, migrate), bucket=bucket)
 
 
 def _is_taken(path: Path) -> bool:

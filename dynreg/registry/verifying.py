@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import dynreg.registry.disk as disk
+import dynreg.registry.migrations as migrations
 import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError, RegistryError
 from dynreg.registry.catalog import BESIDE, FILE, Catalog
@@ -39,6 +40,7 @@ from dynreg.registry.opening import (
 )
 from dynreg.registry.rebuild import Rows, manifest_of, new_rows, paths_in
 from dynreg.registry.scan import damaged_here
+from dynreg.registry.seal import lost_tables
 from dynreg.registry.sharing import Shared, open_shared, shared_at
 from dynreg.registry.sweeping import remove_files
 from dynreg.registry.tables import Values, values_of
@@ -48,7 +50,7 @@ from dynreg.registry.writing import Writing
 _SPARE = 1 << 20
 
 
-_EMPTY = Fault("catalog", "on the server", "it is empty, and the bucket holds what was put", lost=False)
+_EMPTY = (Fault("catalog", "on the server", "it lacks what the bucket holds", lost=False),)
 
 
 def verify(path: Path, repair: bool = False, dry_run: bool = False) -> VerifyReport:
@@ -100,24 +102,35 @@ def verify(path: Path, repair: bool = False, dry_run: bool = False) -> VerifyRep
 
 def _of_shared(path: Path, told: Shared, repair: bool, dry_run: bool) -> VerifyReport:
     """`verify` of a shared registry: its bucket is copied to a folder here; what a repair changes there goes back."""
-    directory = open_shared(path, told)
-    begin = "BEGIN IMMEDIATE" if repair else "BEGIN"
+    directory = open_shared(path, told, migrate=False)
     with closing(directory), temporary_folder(path / "copy") as place:
-        with directory.catalog.transaction(begin) as connection:
+        with directory.catalog.transaction("BEGIN") as connection:
+            lacking = lost_tables(connection)
+        with directory.catalog.transaction("BEGIN IMMEDIATE" if repair or lacking else "BEGIN") as connection:
+            if lacking:  # they are made for the examination, and stay where it ends with a repair
+                tables.metadata.create_all(connection)
+                if pending := migrations.pending(connection):
+                    connection.execute(tables.migrations.insert(), [{"name": name} for name in pending])
             stored = read_served(place, directory.catalog, connection)
             brought = bring_all(directory.bucket, place, stored.pages)
-            lost = () if stored.pages or not pages_after(place, 0) else (_EMPTY,)
+            lost = _EMPTY if lacking or (not stored.pages and pages_after(place, 0)) else ()
             if repair:
                 report = _mended(place, stored)[-1]
                 send_back(directory.bucket, place, brought)
             else:
                 examined = examine(place, stored)
                 report = _foreseen(place, examined, examined.report) if dry_run else examined.report
+                connection.rollback()
         where = told.blobs.partition("?")[0]  # what was copied lies there
         faults = [replace(f, problem=f.problem.replace(str(place), where)) for f in report.faults]
         damaged = damaged_here(path)
         faults += [Fault(again(name), name, why, lost=False) for name, why in damaged.items()]
         report = replace(report, faults=(*lost, *faults))
+        for (
+            fault
+        ) in report.faults:  # of what is damaged there, the copy here serves no more: a put may heal it
+            with suppress(OSError):
+                (path / fault.what).unlink()
         if repair:
             _put_away(path, list(damaged))
             sweep(path)

@@ -1,4 +1,4 @@
-"""Hands on what a registry keeps, past dynreg: its files and its rows, in a folder or on the servers of a shared one."""
+"""Hands on what a registry keeps, past dynreg: its files and its rows, in a folder or on servers."""
 
 import hashlib
 import shutil
@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 from dynreg.registry import Registry
 from dynreg.registry.files import CACHE, FOLDERS
 from dynreg.registry.mirroring import bring_all, send_back
+from dynreg.registry.sharing import PARTS
 from dynreg.registry.tables import metadata
 
 
@@ -25,7 +26,8 @@ def files_of(registry: Registry) -> Iterator[Path]:
         brought = bring_all(bucket, Path(place), {})
         yield Path(place)
         send_back(bucket, Path(place), brought)
-    for name in (*FOLDERS, CACHE):
+    shutil.rmtree(registry.path / CACHE / PARTS, ignore_errors=True)
+    for name in FOLDERS:
         shutil.rmtree(registry.path / name, ignore_errors=True)
         (registry.path / name).mkdir()
 
