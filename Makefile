@@ -23,7 +23,7 @@ SEED ?= 0
 JOBS ?= $(shell n=$$(getconf _NPROCESSORS_ONLN 2>/dev/null || echo 1); echo $$((n < 4 ? n : 4)))
 SPREAD := -n $(JOBS) --dist worksteal
 
-.PHONY: help env demo docs reference pages notebooks test test-wheel test-loaders slow fuzz golden bench $(BENCHES) lint clean
+.PHONY: help env demo docs reference pages notebooks test test-wheel test-stores test-loaders slow fuzz golden bench $(BENCHES) lint clean
 
 help:
 	@echo 'make demo        from an empty registry to the cause that a real (or simulated) servo hides, and its page'
@@ -33,6 +33,7 @@ help:
 	@echo 'make notebooks   runs the notebooks and writes their outputs (minutes)'
 	@echo 'make test        the tests (on two cores, under 12 minutes); ARGS="-k name" for some of them'
 	@echo 'make test-wheel  the tests that need no checkout, on the wheel in an environment of its own'
+	@echo 'make test-stores  the tests of the registry, over PostgreSQL and a stand-in for S3 (minutes)'
 	@echo 'make test-loaders  exported datasets, read by other projects in an environment of their own (1.6 GB)'
 	@echo 'make slow        the longer runs, that one included'
 	@echo 'make fuzz        odd inputs for every reader; SECONDS=3600 TARGETS=mcap,csv JOBS=2, findings under .fuzz/'
@@ -44,6 +45,9 @@ help:
 	@echo 'make clean       removes the environment, caches and build products'
 
 env: $(STAMP)
+
+# Tests of shared registries start a server of their own.
+GET_POSTGRES := (apt-get update -q && DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends postgresql)
 
 # hnswlib has no wheel, so it needs a C++ compiler; exact search serves where it cannot be built.
 $(STAMP): pyproject.toml constraints.txt
@@ -57,6 +61,9 @@ $(STAMP): pyproject.toml constraints.txt
 	@$(PIP) -e '.[dev]'
 	@$(PIP) -e '.[hnsw]' >$(VENV)/hnswlib.log 2>&1 \
 	    || echo 'hnswlib could not be built (it needs a C++ compiler; see $(VENV)/hnswlib.log): exact search serves'
+	@ls /usr/lib/postgresql/*/bin/initdb >/dev/null 2>&1 || command -v initdb >/dev/null \
+	    || { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && $(GET_POSTGRES) >$(VENV)/postgresql.log 2>&1; } \
+	    || echo 'no PostgreSQL server (Debian: apt-get install postgresql): tests of shared registries are skipped'
 	@touch $@
 
 demo: $(STAMP)
@@ -84,6 +91,11 @@ test: $(STAMP)
 test-wheel: $(STAMP)
 	@$(BIN)/python -m pytest -m 'slow or not slow' tests/test_wheel.py $(ARGS)
 
+# Both processes start servers of their own.
+test-stores: export PYTHONDONTWRITEBYTECODE :=
+test-stores: $(STAMP)
+	@$(BIN)/python -m pytest $(SPREAD) tests/registry --store shared $(ARGS)
+
 # Hugging Face, DuckDB, Minari and LeRobot read what dynreg exports; they share no environment with it.
 LOADERS := .venv-loaders
 $(LOADERS)/ready: tests/loaders/requirements.txt tests/loaders/lerobot.txt constraints.txt
@@ -96,7 +108,7 @@ $(LOADERS)/ready: tests/loaders/requirements.txt tests/loaders/lerobot.txt const
 test-loaders: $(STAMP) $(LOADERS)/ready
 	@$(BIN)/python -m pytest -m slow -s tests/loaders $(ARGS)
 
-slow: $(STAMP)
+slow: $(STAMP) test-stores
 	@$(BIN)/python -m pytest -m slow $(ARGS)
 
 # Goes on where the last run of the same SEED ended; tests/fuzz/run.py --help has the rest.

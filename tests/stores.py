@@ -29,6 +29,8 @@ _HASTY = (
     "max_connections=60",
     "listen_addresses=127.0.0.1",
 )
+# Only the user `locked` has a password.
+_WHO = "host all locked 127.0.0.1/32 scram-sha-256\nhost all all 127.0.0.1/32 trust\n"
 
 
 @dataclass
@@ -133,6 +135,7 @@ def _postgres(programs: Path, folder: Path) -> Iterator[int]:
     )
     if made.returncode:
         raise RuntimeError(f"initdb: {made.stdout}")
+    (data / "pg_hba.conf").write_text(_WHO)
     with (folder / "log").open("w") as log:
         options = [word for setting in _HASTY for word in ("-c", setting)]
         server = subprocess.Popen(
