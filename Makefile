@@ -23,7 +23,7 @@ SEED ?= 0
 JOBS ?= $(shell n=$$(getconf _NPROCESSORS_ONLN 2>/dev/null || echo 1); echo $$((n < 4 ? n : 4)))
 SPREAD := -n $(JOBS) --dist worksteal
 
-.PHONY: help env demo docs reference pages notebooks test test-wheel test-loaders test-ray slow fuzz golden bench $(BENCHES) lint clean
+.PHONY: help env demo docs reference pages notebooks test test-wheel test-stores test-loaders test-ray slow fuzz golden bench $(BENCHES) lint clean
 
 help:
 	@echo 'make demo        from an empty registry to the cause that a real (or simulated) servo hides, and its page'
@@ -33,9 +33,10 @@ help:
 	@echo 'make notebooks   runs the notebooks and writes their outputs (minutes)'
 	@echo 'make test        the tests (on two cores, under 12 minutes); ARGS="-k name" for some of them'
 	@echo 'make test-wheel  the tests that need no checkout, on the wheel in an environment of its own'
+	@echo 'make test-stores  the tests of the registry, over PostgreSQL and a stand-in for S3 (minutes)'
 	@echo 'make test-loaders  exported datasets, read by other projects in an environment of their own (1.6 GB)'
 	@echo 'make test-ray    work on workers of Ray, in an environment of its own (70 MB)'
-	@echo 'make slow        the longer runs, these two included'
+	@echo 'make slow        the longer runs, these three included'
 	@echo 'make fuzz        odd inputs for every reader; SECONDS=3600 TARGETS=mcap,csv JOBS=2, findings under .fuzz/'
 	@echo 'make golden      writes tests/golden anew (CASES=drift: some), where an answer changes on purpose'
 	@echo 'make bench       every benchmark; results under benchmarks/results/'
@@ -45,6 +46,9 @@ help:
 	@echo 'make clean       removes the environment, caches and build products'
 
 env: $(STAMP)
+
+# Tests of shared registries start a server of their own.
+GET_POSTGRES := (apt-get update -q && DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends postgresql)
 
 # hnswlib has no wheel, so it needs a C++ compiler; exact search serves where it cannot be built.
 $(STAMP): pyproject.toml constraints.txt
@@ -58,6 +62,9 @@ $(STAMP): pyproject.toml constraints.txt
 	@$(PIP) -e '.[dev]'
 	@$(PIP) -e '.[hnsw]' >$(VENV)/hnswlib.log 2>&1 \
 	    || echo 'hnswlib could not be built (it needs a C++ compiler; see $(VENV)/hnswlib.log): exact search serves'
+	@ls /usr/lib/postgresql/*/bin/initdb >/dev/null 2>&1 || command -v initdb >/dev/null \
+	    || { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && $(GET_POSTGRES) >$(VENV)/postgresql.log 2>&1; } \
+	    || echo 'no PostgreSQL server (Debian: apt-get install postgresql): tests of shared registries are skipped'
 	@touch $@
 
 demo: $(STAMP)
@@ -85,6 +92,11 @@ test: $(STAMP)
 test-wheel: $(STAMP)
 	@$(BIN)/python -m pytest -m 'slow or not slow' tests/test_wheel.py $(ARGS)
 
+# Both processes start servers of their own.
+test-stores: export PYTHONDONTWRITEBYTECODE :=
+test-stores: $(STAMP)
+	@$(BIN)/python -m pytest $(SPREAD) tests/registry --store shared $(ARGS)
+
 # Hugging Face, DuckDB, Minari and LeRobot read what dynreg exports; they share no environment with it.
 LOADERS := .venv-loaders
 $(LOADERS)/ready: tests/loaders/requirements.txt tests/loaders/lerobot.txt constraints.txt
@@ -111,7 +123,7 @@ $(RAY)/ready: constraints.txt | $(STAMP)
 test-ray: $(RAY)/ready
 	@$(RAY)/bin/python -m pytest -m 'slow or not slow' tests/executor $(ARGS)
 
-slow: $(STAMP)
+slow: $(STAMP) test-stores
 	@$(BIN)/python -m pytest -m slow $(ARGS)
 	@$(if $(ARGS),,$(MAKE) --no-print-directory test-ray)
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from dynreg.data.recording import Channel, Episode, Recording
     from dynreg.errors import DynregError
-    from dynreg.session import Session, open
+    from dynreg.session import Session, open, share
 
     __version__: str
 
@@ -29,6 +29,7 @@ _HOMES = {
     "open": "dynreg.session",
     "packaged_robots": "dynreg.sim.robot",
     "read_recording": "dynreg.data.ingest",
+    "share": "dynreg.session",
 }
 
 __all__ = [*_HOMES, "__version__"]  # noqa: PLE0604

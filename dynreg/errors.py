@@ -83,6 +83,10 @@ class NoPlaceError(RegistryError):
     """A disk without room, a place that may not be written, a catalogue that stays locked."""
 
 
+class Interrupted(NoPlaceError):
+    """A transaction that the catalogue's server broke off: nothing of it was stored, and the same put may follow."""
+
+
 class CorruptError(RegistryError):
     """Stored data lost or changed (exit status 3)."""
 

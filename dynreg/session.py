@@ -77,6 +77,20 @@ def open(path: str | Path | None = None, *, create: bool = True) -> "Session":
     return Session(Registry.open(where, create=create))
 
 
+def share(path: str | Path | None = None, *, catalog: str, blobs: str) -> "Session":
+    """Open the shared registry at these addresses, with its local folder at `path` (by default that of `open`).
+
+    catalog : URL of a PostgreSQL database, without a password. blobs : address of a bucket and a prefix in it, without
+    a key. What is missing of folder and registry is made; later `open(path)` does.
+
+    Raises UsageError for odd addresses, RegistryError where they cannot be reached or `path` is something else.
+    """
+    from dynreg.registry import Registry
+
+    where = Path(path or os.environ.get("DYNREG_REGISTRY") or DEFAULT)
+    return Session(Registry.share(where, catalog, blobs))
+
+
 def rows() -> dict[str, Verb]:
     """{name: row} of the verbs that a session asks in the ordinary way."""
     return {name: method.verb for name, method in vars(Session).items() if hasattr(method, "verb")}

@@ -4,11 +4,12 @@ import gc
 import hashlib
 import os
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+import stores as stores_
 from hypothesis import settings
 
 ROOT = Path(__file__).parents[1]
@@ -33,6 +34,20 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(200_000, 50, 50)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Where the registries of `tests/registry` lie: in a folder, or on servers that the tests start."""
+    parser.addoption("--store", choices=("folder", "shared"), default="folder", help=pytest_addoption.__doc__)
+
+
+@pytest.fixture(scope="session")
+def stores() -> Iterator[stores_.Stores]:
+    """PostgreSQL and a stand-in for S3, running; the tests that ask for them are skipped where they cannot run."""
+    if why := stores_.why_none():
+        pytest.skip(why)
+    with stores_.running() as running:
+        yield running
 
 
 @pytest.fixture(autouse=True)

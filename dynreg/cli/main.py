@@ -20,6 +20,7 @@ from dynreg.cli import (
     importing,
     info,
     ingest,
+    init,
     listing,
     navigate,
     ordinary,
@@ -129,6 +130,7 @@ ordinary.register(
             "trial": trial.trial,
         },
         "The registry": {
+            "init": init.init,
             "list": listing.list_,
             "import": importing.import_,
             "show": show.show,

@@ -13,6 +13,7 @@ import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError, RegistryError
 from dynreg.registry.cache import is_sound
 from dynreg.registry.catalog import FILE
+from dynreg.registry.directory import Directory
 from dynreg.registry.files import (
     CACHE,
     CONTENTS,
@@ -29,12 +30,14 @@ from dynreg.registry.indexes import read_index
 from dynreg.registry.ledger import read_ledger
 from dynreg.registry.rebuild import manifest_of
 from dynreg.registry.registry import Registry
+from dynreg.registry.sharing import PARTS
 from dynreg.registry.sweeping import remove_files, size_of
 
 DAYS = 7  # after which a copy of a read-only registry's catalogue is nobody's any more
 _NAMED_BY_NOTHING = "nothing names it"
 _AGAIN = "it can be computed again"
 _DAMAGED = "it is damaged"
+_ELSEWHERE = "it is a copy of what lies in the bucket"
 
 
 @dataclass(frozen=True)
@@ -62,18 +65,32 @@ def collect(registry: Registry, *, caches: bool = False, dry_run: bool = False) 
     then what a repair needs.
     """
     registry.check_writable()
-    root = registry.path
-    with registry.directory.catalog.write() as writing:  # nobody registers anything meanwhile
-        _require_ledger(root, writing.connection)
-        found = [*_unnamed(root, writing.connection), *_stale(root, writing.connection, caches)]
+    root, directory = registry.path, registry.directory
+    with directory.catalog.write() as writing:  # nobody registers anything meanwhile
+        if directory.bucket is None:
+            _require_ledger(root, writing.connection)
+            found = []
+        else:
+            found = list(_pages_of_nobody(directory, writing.connection))
+        found += [*_unnamed(directory, writing.connection), *_stale(directory, writing.connection, caches)]
         found += [_cut_short(root, path) for path in abandoned(root)]
         if not dry_run:
-            remove_files(root, [one.path for one in found if not one.cut_short])
+            directory.remove([one.path for one in found if not one.cut_short])
+    copies = list(_copies(root)) if caches and directory.bucket is not None else []
     left = list(_left_by_readers())
     if not dry_run:
+        remove_files(root, [one.path for one in copies])
         sweep(root)
         remove_files(Path("/"), [one.path.lstrip("/") for one in left])
-    return (*found, *left)
+    return (*found, *copies, *left)
+
+
+def _copies(root: Path) -> Iterator[Unneeded]:
+    """What lies here of a shared registry's files, whole or in part."""
+    for folder in (*CONTENTS, INDEX, f"{CACHE}/{PARTS}"):
+        for path in sorted((root / folder).rglob("*")):
+            if path.is_file() and not is_temporary(path.name):
+                yield Unneeded(path.relative_to(root).as_posix(), _ELSEWHERE, size_of(path))
 
 
 def _require_ledger(root: Path, connection: Connection) -> None:
@@ -82,42 +99,60 @@ def _require_ledger(root: Path, connection: Connection) -> None:
     begins = min(present, default=0)
     rows = connection.execute(select(tables.pages.c.number, tables.pages.c.sha256))
     if ledger.bad or any(row.number >= begins and present.get(row.number) != row.sha256 for row in rows):
-        raise RegistryError(
-            f"pages of the ledger of {str(root)!r} are lost or damaged",
-            expected=f"every page in {LEDGER}/ as it was written: a repair may need files that nothing names",
-            do="run `dynreg verify --repair` first",
-        )
+        raise _ledger_lost(str(root))
 
 
-def _unnamed(root: Path, connection: Connection) -> Iterator[Unneeded]:
+def _ledger_lost(where: str) -> RegistryError:
+    return RegistryError(
+        f"pages of the ledger of {where!r} are lost or damaged",
+        expected=f"every page in {LEDGER}/ as it was written: a repair may need files that nothing names",
+        do="run `dynreg verify --repair` first",
+    )
+
+
+def _pages_of_nobody(directory: Directory, connection: Connection) -> Iterator[Unneeded]:
+    """Pages of a shared ledger that the catalogue does not name: of puts that were cut short.
+
+    Raises RegistryError where one that it names is gone.
+    """
+    rows = connection.execute(select(tables.pages.c.number, tables.pages.c.sha256))
+    named = {f"{LEDGER}/{row.number:08d}-{row.sha256[:16]}.json" for row in rows}
+    there = directory.bucket.names(LEDGER)
+    if named - there.keys():
+        raise _ledger_lost(str(directory.bucket.uri.partition("?")[0]))
+    for name in sorted(there.keys() - named):
+        yield Unneeded(name, _NAMED_BY_NOTHING, there[name])
+
+
+def _unnamed(directory: Directory, connection: Connection) -> Iterator[Unneeded]:
     """Files of contents that no row names; of a known robot only log maps."""
     named = set(connection.execute(select(tables.files.c.path)).scalars())
     robots = {row.hash: manifest_of(row._asdict()) for row in connection.execute(select(tables.robots))}
     for folder in CONTENTS:
-        for path in sorted((root / folder).rglob("*")):
-            name = path.relative_to(root).as_posix()
-            if path.is_symlink() or path.is_dir() or is_temporary(path.name) or name in named:
+        for name in directory.names(folder):
+            if name in named or (directory.path / name).is_symlink():
                 continue
             if folder == ROBOTS and name.split("/")[1] in robots:
                 continue  # a put sweeps its maps, and what else is there is a fault
-            yield Unneeded(name, _NAMED_BY_NOTHING, size_of(path))
+            yield Unneeded(name, _NAMED_BY_NOTHING, directory.size(name))
 
 
-def _stale(root: Path, connection: Connection, caches: bool) -> Iterator[Unneeded]:
+def _stale(directory: Directory, connection: Connection, caches: bool) -> Iterator[Unneeded]:
     """Indexes and files of the cache that nobody can use; or all of them."""
     populations = set(connection.execute(select(tables.populations.c.id)).scalars())
-    for path in sorted((root / INDEX).glob("*")):
-        if path.is_symlink() or is_temporary(path.name):
+    for name in directory.names(INDEX):
+        if (directory.path / name).is_symlink():
             continue
         try:
-            header = read_index(path)[0]
+            header = read_index(directory.brought(name))[0]
             owner = header["population"]
             fits = owner in populations and entries_hash(connection, owner) == header["entries"]
             why = _AGAIN if fits else "its entries are not there any more"
         except CorruptError:
             fits, why = False, _DAMAGED
         if caches or not fits:
-            yield Unneeded(path.relative_to(root).as_posix(), why, size_of(path))
+            yield Unneeded(name, why, directory.size(name))
+    root = directory.path
     for path in sorted((root / CACHE).rglob("*.json")):
         sound = is_sound(path)
         if not is_temporary(path.name) and (caches or not sound):

@@ -57,7 +57,7 @@ def compare(held: Rows, found: Found, faults: list[Fault]) -> VerifyReport:
     faults = [*faults, *_file_faults(held, found), *_entry_faults(held, found), *_row_faults(held, found)]
     known = paths_in(held)
     faults += [
-        Fault(_AGAIN.get(name.split("/")[0], "stray"), name, reason, lost=False)
+        Fault(again(name), name, reason, lost=False)
         for name, reason in sorted(found.bad.items())
         if name not in known
     ]
@@ -70,6 +70,13 @@ def compare(held: Rows, found: Found, faults: list[Fault]) -> VerifyReport:
 
 
 _AGAIN = {INDEX: "index", CACHE: "cache", SEARCHES: "search"}  # what can be computed again
+
+
+def again(name: str) -> str:
+    """The kind of fault of a file that no row knows, by its folder."""
+    return _AGAIN.get(name.split("/")[0], "stray")
+
+
 _FOLDER_KINDS = {
     "populations": "population",
     "shards": "shard",

@@ -13,6 +13,7 @@ from dynreg.registry.files import StoredFile, content_name
 from dynreg.registry.populations import gaps_between, get_population, held_spans
 from dynreg.registry.records import PopulationRecord, ShardData
 from dynreg.registry.rows import require
+from dynreg.registry.server import persistent
 from dynreg.registry.shards import encode_rest, encode_rows
 
 
@@ -51,6 +52,7 @@ def put_shard(directory: Directory, population_id: str, start: int, data: ShardD
             _put_span(directory, record, first, data.slice(part.start, part.stop), ids[part])
 
 
+@persistent
 def _put_span(
     directory: Directory, record: PopulationRecord, start: int, data: ShardData, ids: Sequence[str]
 ) -> None:

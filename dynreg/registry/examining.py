@@ -23,6 +23,7 @@ from dynreg.registry.opening import beside, lost_catalog, may_write
 from dynreg.registry.rebuild import Rows
 from dynreg.registry.scan import Found, scan
 from dynreg.registry.seal import broken_seals, broken_structure
+from dynreg.registry.served import ServedCatalog
 from dynreg.registry.tables import Key, Values, key_of, misfit, named, values_of
 
 
@@ -38,7 +39,7 @@ class Stored:
     rows: Rows = field(default_factory=lambda: {table.name: [] for table in tables.HELD})
     pages: Mapping[int, str] = field(default_factory=dict)
     faults: tuple[str, ...] = ()
-    catalog: Catalog | None = None
+    catalog: Catalog | ServedCatalog | None = None
     connection: Connection | None = None
     ledger: Path | None = None
     usable: bool = False
@@ -89,6 +90,11 @@ def stored_in(path: Path, begin: str) -> Iterator[Stored]:
         except CorruptError as error:  # its end may meet the damage, too
             stored = replace(stored, faults=stored.faults or (error.problem,))
         yield replace(stored, ledger=opened.home)
+
+
+def read_served(place: Path, catalog: ServedCatalog, connection: Connection) -> Stored:
+    """What a catalogue on a server holds, inside a transaction on it; copies of its files lie in `place`."""
+    return replace(_read(place, connection), catalog=catalog, connection=connection, ledger=place)
 
 
 def _read(path: Path, connection: Connection) -> Stored:

@@ -181,8 +181,11 @@ def try_lock(path: Path, create: bool = True) -> Iterator[bool]:
         os.close(descriptor)
 
 
-def unreadable(path: Path, error: Exception | str) -> RegistryError:
-    """The error for a stored file that cannot be read: a CorruptError, unless it is the disk or a right that fails."""
+def unreadable(path: object, error: Exception | str) -> RegistryError:
+    """The error for a stored file that cannot be read: a CorruptError, unless it is the disk or a right that fails.
+
+    path : of the file, or what prints as where it lies.
+    """
     if isinstance(error, OSError) and error.errno not in _NO_SUCH_FILE:
         return RegistryError(
             f"{str(path)!r} cannot be read: {error.strerror}",

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-import dynreg.registry.disk as disk
 import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError, RegistryError
 from dynreg.registry.codec import arrays_of, encode_arrays
@@ -49,13 +48,9 @@ def put_index(
     with directory.catalog.read() as connection:
         present = entries_hash(connection, population_id)
     if present != fingerprint:  # others came while this was encoded
-        disk.remove(directory.home / file.path)
+        directory.remove([file.path])
         return False
-    older = [path for path in _files(directory.home, population_id, key) if path.name != Path(file.path).name]
-    for path in older:
-        disk.remove(path)
-    if older:
-        disk.sync_folder(directory.home / INDEX)
+    directory.remove(name for name in _names(directory, population_id, key) if name != file.path)
     return True
 
 
@@ -94,10 +89,9 @@ def _sound(
     directory: Directory, population_id: str, key: str
 ) -> Iterator[tuple[dict[str, Any], dict[str, np.ndarray]]]:
     """Header and arrays of what is kept for a population under `key`; damaged files are passed over."""
-    homes = dict.fromkeys((directory.home, directory.path))
-    for path in (path for home in homes for path in _files(home, population_id, key)):
+    for name in _names(directory, population_id, key):
         try:
-            header, arrays = read_index(path)
+            header, arrays = read_index(directory.brought(name))
         except CorruptError:
             continue
         if (header["population"], header["key"]) == (population_id, key):
@@ -118,5 +112,6 @@ def read_index(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     return header, arrays
 
 
-def _files(home: Path, population_id: str, key: str) -> list[Path]:
-    return sorted((home / INDEX).glob(f"{population_id[:16]}-{key}-*.safetensors"))
+def _names(directory: Directory, population_id: str, key: str) -> list[str]:
+    begins = f"{INDEX}/{population_id[:16]}-{key}-"
+    return [n for n in directory.names(INDEX) if n.startswith(begins) and n.endswith(".safetensors")]

@@ -16,7 +16,7 @@ from sqlalchemy import Table
 
 import dynreg.registry.tables as tables
 from dynreg.registry.codec import canonical_json
-from dynreg.registry.files import LEDGER, ROBOTS, content_name, read_regular, write_file
+from dynreg.registry.files import LEDGER, ROBOTS, StoredFile, content_name, read_regular, write_file
 from dynreg.registry.tables import Key, Values, key_of, values_of
 
 _NAME = re.compile(r"(\d{8,15})-([0-9a-f]{16})\.json")
@@ -52,6 +52,13 @@ class Ledger:
 
 def write_page(root: Path, page: Page) -> str:
     """Bring a page to the disk; returns its sha256."""
+    file, data = encode_page(page)
+    write_file(root / file.path, data)
+    return file.sha256
+
+
+def encode_page(page: Page) -> tuple[StoredFile, bytes]:
+    """The file of a page."""
     document = {
         "schema": "dynreg/ledger/1",
         "number": page.number,
@@ -64,9 +71,7 @@ def write_page(root: Path, page: Page) -> str:
         "removed": dict(page.removed),
     }
     data = canonical_json(document).encode()
-    file = content_name(LEDGER, f"{page.number:08d}", data, "json")
-    write_file(root / file.path, data)
-    return file.sha256
+    return content_name(LEDGER, f"{page.number:08d}", data, "json"), data
 
 
 def last_number(root: Path) -> int:

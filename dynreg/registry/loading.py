@@ -12,6 +12,7 @@ from sqlalchemy import Connection, Row, select
 import dynreg.registry.tables as tables
 from dynreg.data.trajectories import Trajectories
 from dynreg.errors import CorruptError, NoMatchError, RegistryError
+from dynreg.registry.bucket import Remote
 from dynreg.registry.codec import decode_arrays
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import unreadable
@@ -49,7 +50,8 @@ def load_population(
     numbers = np.array([row.number for row in entries], dtype=np.int64)
     _check_whole(population_id, shards, numbers)
     skip = "/" if "weights" in columns else "weights/"
-    paths = directory.checked(*(shard.arrays_path for shard in shards))
+    found = directory.checked if "weights" in columns else directory.near
+    paths = found(*(shard.arrays_path for shard in shards))
     parts = [_rest(path, s.stop - s.start, record, skip) for path, s in zip(paths, shards, strict=True)]
     return PopulationArrays(
         ids=tuple(row.id for row in entries),
@@ -71,14 +73,14 @@ def load_entry(directory: Directory, entry_id: str) -> EntryRecord:
         holds = [s for s in _shards(connection, entry.population_id) if s.start <= entry.number < s.stop]
     _check_whole(entry.population_id, holds, np.array([entry.number]), alone=True)
     position = entry.number - holds[0].start
-    states_path, arrays_path = directory.checked(holds[0].states_path, holds[0].arrays_path)
+    states_path, arrays_path = directory.near(holds[0].states_path, holds[0].arrays_path)
     record = get_population(directory, entry.population_id)
     header = _header(states_path, holds[0], record)
     states = np.empty((1, *header["shape"][1:]), np.float32)
     read_states(states_path, states, position)
-    arrays = _rest(arrays_path, holds[0].stop - holds[0].start, record)
-    row = {name: array[position] for name, array in arrays.items()}
-    return EntryRecord(
+    arrays = _rest(arrays_path, holds[0].stop - holds[0].start, record, only=[position])
+    row = {name: array[0] for name, array in arrays.items()}
+    found = EntryRecord(
         id=entry.id,
         population_id=entry.population_id,
         number=entry.number,
@@ -90,6 +92,12 @@ def load_entry(directory: Directory, entry_id: str) -> EntryRecord:
         extra={name: float(value) for name, value in strip(row, "extra/").items()},
         periods=None if header["periods"] is None else header["periods"][position],
     )
+    if isinstance(states_path, Remote) or isinstance(
+        arrays_path, Remote
+    ):  # read in part: no hash was compared
+        if found.as_shard().entry_id(found.population_id, 0) != entry.id:
+            raise unreadable(arrays_path, "the entry is not the one that was registered")
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +108,7 @@ class ShardPart:
     population.
     """
 
-    path: Path
+    path: Path | Remote
     shape: tuple[int, ...]
     record: PopulationRecord
     entries: tuple[str, ...]
@@ -145,17 +153,12 @@ def shard_parts(
     Raises as `load_population`.
     """
     record = get_population(directory, population_id)
-    with directory.catalog.read() as connection:
-        shards = _shards(connection, population_id)
-        table = tables.entries
-        query = select(table.c.id, table.c.number).where(table.c.population_id == population_id)
-        rows = connection.execute(query.order_by(table.c.number)).all()
-    _check_whole(population_id, shards, np.array([row.number for row in rows], dtype=np.int64))
-    paths = directory.checked(*(shard.states_path for shard in shards))
-    wanted, parts = None if entries is None else set(entries), []
-    for shard, path in zip(shards, paths, strict=True):
-        own = [r for r in rows if shard.start <= r.number < shard.stop and (not wanted or r.id in wanted)]
-        shape = tuple(_header(path, shard, record)["shape"]) if own else ()
+    places = _places(directory, population_id, entries)
+    found = directory.checked if entries is None else directory.near
+    paths = found(*(shard.states_path for shard, _ in places))
+    parts = []
+    for (shard, own), path in zip(places, paths, strict=True):
+        shape = tuple(_header(path, shard, record)["shape"])
         for begin in range(0, len(own), PART):
             some = own[begin : begin + PART]
             numbers = np.array([row.number for row in some])
@@ -169,15 +172,33 @@ def load_weights(
 ) -> Iterator[dict[str, np.ndarray]]:
     """Weights of the models of these entries by name, each (n, ...), a shard at a time and by number.
 
-    Raises as `load_population`.
+    Of a shard in a bucket only these are fetched. Raises as `load_population`.
     """
     record = get_population(directory, population_id)
+    places = _places(directory, population_id, entries)
+    paths = directory.near(*(shard.arrays_path for shard, _ in places))
+    for (shard, own), path in zip(places, paths, strict=True):
+        for begin in range(0, len(own), PART):
+            positions = [row.number - shard.start for row in own[begin : begin + PART]]
+            arrays = _rest(path, shard.stop - shard.start, record, only=positions)
+            yield strip(arrays, "weights/")
+
+
+def _places(
+    directory: Directory, population_id: str, entries: Collection[str] | None
+) -> list[tuple[Row, list[Row]]]:
+    """Shards with the rows of their entries, by number: of all, or of those that hold some with these ids."""
     with directory.catalog.read() as connection:
-        shards = {shard.start: shard for shard in _shards(connection, population_id)}
-    for part in shard_parts(directory, population_id, entries):
-        (path,) = directory.checked(shards[int(part.numbers[0] - part.positions[0])].arrays_path)
-        weights = strip(_rest(path, part.shape[0], record), "weights/")
-        yield {name: array[part.positions] for name, array in weights.items()}
+        shards = _shards(connection, population_id)
+        table = tables.entries
+        query = select(table.c.id, table.c.number).where(table.c.population_id == population_id)
+        rows = connection.execute(query.order_by(table.c.number)).all()
+    _check_whole(population_id, shards, np.array([row.number for row in rows], dtype=np.int64))
+    wanted = set(entries or ())
+    held = [
+        [r for r in rows if s.start <= r.number < s.stop and (not wanted or r.id in wanted)] for s in shards
+    ]
+    return [(shard, own) for shard, own in zip(shards, held, strict=True) if own]
 
 
 def entry_place(directory: Directory, entry_id: str) -> tuple[str, int]:
@@ -253,7 +274,7 @@ def _check_whole(population_id: str, shards: Sequence[Row], numbers: np.ndarray,
         )
 
 
-def _header(path: Path, shard: Row, record: PopulationRecord) -> dict[str, Any]:
+def _header(path: Path | Remote, shard: Row, record: PopulationRecord) -> dict[str, Any]:
     """The header of a shard's states, which are those of its row in the catalogue; CorruptError else."""
     header = read_states_header(path)
     if [header[key] for key in ("population", "start", "stop")] != [record.id, shard.start, shard.stop]:
@@ -276,9 +297,20 @@ def _states(directory: Directory, shards: Sequence[Row], record: PopulationRecor
     return out
 
 
-def _rest(path: Path, rows: int, record: PopulationRecord, skip: str = "/") -> dict[str, np.ndarray]:
-    """The arrays of a shard of `rows` entries but its states; CorruptError where they are not those of a shard."""
-    _, arrays = decode_arrays(path, skip)
+def _rest(
+    path: Path | Remote,
+    rows: int,
+    record: PopulationRecord,
+    skip: str = "/",
+    only: Sequence[int] | None = None,
+) -> dict[str, np.ndarray]:
+    """The arrays of a shard of `rows` entries but its states, or of some `only`; CorruptError where they are not those.
+
+    only : positions in the shard.
+    """
+    whole = only if isinstance(path, Remote) else None  # of a file here all is looked at
+    _, arrays = decode_arrays(path, skip, whole)
+    rows = rows if whole is None else len(whole)
     shapes = {"values": (rows, len(record.parameters)), "own_loss": (rows,), "train_loss": (rows,)}
     shapes |= {name: (rows,) for name in arrays if name.startswith("extra/")}
     odd = [name for name, shape in shapes.items() if name not in arrays or arrays[name].shape != shape]
@@ -287,7 +319,7 @@ def _rest(path: Path, rows: int, record: PopulationRecord, skip: str = "/") -> d
     ]
     if odd:
         raise unreadable(path, f"it lacks {odd[0]!r}, or that is not of its {rows} entries")
-    return arrays
+    return arrays if only is None or whole is not None else {n: a[list(only)] for n, a in arrays.items()}
 
 
 def _stack(parts: Sequence[dict[str, np.ndarray]], name: str) -> np.ndarray:

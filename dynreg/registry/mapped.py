@@ -1,4 +1,7 @@
-"""The models of a population in mapped memory: only those that are asked for are read."""
+"""The models of a population, of which only those that are asked for are read.
+
+Files that lie here are mapped into memory; of files in a bucket the ranges of these models are fetched.
+"""
 
 import hashlib
 import json
@@ -10,8 +13,11 @@ import numpy as np
 from sqlalchemy import Row, select
 
 import dynreg.registry.tables as tables
+from dynreg.registry.bucket import Remote
+from dynreg.registry.codec import decode_arrays
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import open_regular, unreadable
+from dynreg.registry.shards import strip
 
 _KINDS = {"F16": np.float16, "F32": np.float32, "F64": np.float64}
 _WEIGHTS = "weights/"
@@ -51,13 +57,13 @@ class MappedModels:
         found: dict[str, np.ndarray] = {}
         numbers = self.numbers[rows]
         shards = np.searchsorted(self._starts, numbers, side="right") - 1
-        for at, (row, number, shard) in enumerate(zip(rows, numbers, shards, strict=True)):
-            arrays = self._arrays(int(shard))
-            model = {name: array[number - self._starts[shard]] for name, array in arrays.items()}
-            self._check(int(row), model, int(shard))
-            for name, array in model.items():
+        for shard in dict.fromkeys(shards.tolist()):
+            at = np.flatnonzero(shards == shard)
+            models = self._models(shard, numbers[at] - self._starts[shard])
+            self._check(rows[at], models, shard)
+            for name, array in models.items():
                 if name not in found:
-                    found[name] = np.empty((len(rows), *array.shape), array.dtype)
+                    found[name] = np.empty((len(rows), *array.shape[1:]), array.dtype)
                 found[name][at] = array
         self.read += len(rows)
         return found
@@ -69,23 +75,34 @@ class MappedModels:
             found[at] = digest_of({name: array[at] for name, array in arrays.items()})
         return found
 
-    def _arrays(self, shard: int) -> dict[str, np.ndarray]:
+    def _models(self, shard: int, places: np.ndarray) -> dict[str, np.ndarray]:
+        """Weights by name, each (m, ...), of the entries at these places of a shard."""
         if shard not in self._open:
-            told = self._shards[shard]
-            if self.digests is None:
-                (path,) = self._directory.checked(told.arrays_path)
-            else:
-                path = self._directory.locate(told.arrays_path)
-            self._open[shard] = _mapped(path, told)
-        return self._open[shard]
+            self._open[shard] = self._opened(self._shards[shard])
+        held = self._open[shard]
+        if isinstance(held, Remote):
+            _, arrays = decode_arrays(held, rows=places.tolist(), only=_WEIGHTS)
+            return strip(arrays, _WEIGHTS)
+        return {name: array[places] for name, array in held.items()}
 
-    def _check(self, row: int, model: dict[str, np.ndarray], shard: int) -> None:
-        if self.digests is None or self._sound[row]:
+    def _opened(self, told: Row) -> dict[str, np.ndarray] | Remote:
+        """A shard's weights in mapped memory; the file itself where it lies in a bucket and not here."""
+        if self.digests is None:
+            (path,) = self._directory.checked(told.arrays_path)
+        elif self._directory.bucket is None:
+            path = self._directory.locate(told.arrays_path)
+        else:
+            (path,) = self._directory.near(told.arrays_path)
+        return path if isinstance(path, Remote) else _mapped(path, told)
+
+    def _check(self, rows: np.ndarray, models: dict[str, np.ndarray], shard: int) -> None:
+        if self.digests is None:
             return
-        if digest_of(model) != self.digests[row]:
-            path = self._directory.locate(self._shards[shard].arrays_path)
-            raise unreadable(path, "a model in it is not the one that was registered")
-        self._sound[row] = True
+        for at in np.flatnonzero(~self._sound[rows]):
+            if digest_of({name: array[at] for name, array in models.items()}) != self.digests[rows[at]]:
+                path = self._directory.locate(self._shards[shard].arrays_path)
+                raise unreadable(path, "a model in it is not the one that was registered")
+            self._sound[rows[at]] = True
 
 
 def digest_of(model: dict[str, np.ndarray]) -> int:

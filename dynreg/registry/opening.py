@@ -23,16 +23,15 @@ from dynreg.registry.files import (
     LOST_AND_FOUND,
     SEARCHES,
     is_temporary,
-    read_regular,
     temporary_name,
     unreadable,
     write_file,
 )
 from dynreg.registry.ledger import pages_after
+from dynreg.registry.sharing import FORMAT, MARKER, open_shared, read_marker, shared_at
+from dynreg.registry.sharing import VERSION as SHARED
 
-MARKER = "dynreg.json"
 VERSION = 2  # 2 came with the ledger
-_MARKER_BYTES = 1000  # a marker has 44
 
 
 def open_directory(path: Path, create: bool, aside: bool = False) -> Directory:
@@ -45,6 +44,15 @@ def open_directory(path: Path, create: bool, aside: bool = False) -> Directory:
     RegistryError : nothing there, not a registry, written by a newer version, locked, no room, a link in it.
     CorruptError : the catalogue is lost or damaged.
     """
+    if (told := shared_at(path)) is not None:
+        check_links(path)
+        directory = open_shared(path, told)
+        try:
+            _check_served(directory)
+        except BaseException:
+            directory.close()
+            raise
+        return directory
     made = not path.exists()
     if lost_marker(path):
         raise CorruptError(
@@ -111,14 +119,26 @@ def lost_marker(path: Path) -> bool:
     return _version(path) is None and (path / FILE).is_file() and (path / LEDGER).is_dir()
 
 
+def _check_served(directory: Directory) -> None:
+    """CorruptError where the catalogue is empty and the bucket holds what was put."""
+    if (
+        not directory.catalog.last_page() and len(directory.bucket.names(LEDGER)) > 1
+    ):  # one may have been cut short
+        raise CorruptError(
+            f"the catalogue of {str(directory.path)!r} is empty, and its bucket is not",
+            expected="the catalogue that follows the ledger in the bucket",
+            do="restore the database from a backup, or run `dynreg verify --repair` to write it from the ledger",
+        )
+
+
 def check_marker(path: Path) -> None:
     """RegistryError when `dynreg.json` is not the marker of a registry that this version can read."""
     version = _version(path)
-    if version is None or not 1 <= version <= VERSION:
+    if version is None or not 1 <= version <= SHARED:
         what = "not the marker of a registry" if version is None else f"of format {version}"
         raise RegistryError(
             f"{str(path / MARKER)!r} is {what}",
-            expected=f"a registry of format {VERSION} or older",
+            expected=f"a registry of format {SHARED} or older",
             do="upgrade dynreg" if version else "give the directory of a registry",
         )
 
@@ -200,20 +220,18 @@ def _can_go_on(path: Path) -> bool:
 
 def _version(path: Path) -> int | None:
     try:
-        marker = json.loads(read_regular(path / MARKER, _MARKER_BYTES))
-        return int(marker["version"]) if marker["format"] == "dynreg-registry" else None
+        marker = read_marker(path)
     except OSError as error:
         problem = unreadable(path / MARKER, error)
         if isinstance(problem, CorruptError):
             return None
         raise problem from error
-    except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
-        return None
+    return None if marker is None else int(marker["version"])
 
 
 def write_marker(path: Path) -> None:
     """Write the marker of a registry of this version's format."""
-    marker = {"format": "dynreg-registry", "version": VERSION}
+    marker = {"format": FORMAT, "version": VERSION}
     write_file(path / MARKER, json.dumps(marker).encode() + b"\n")
 
 

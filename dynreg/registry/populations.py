@@ -8,22 +8,23 @@ from typing import Any
 import numpy as np
 from sqlalchemy import Connection, Row, select
 
-import dynreg.registry.disk as disk
 import dynreg.registry.tables as tables
 from dynreg.data.recording import Channel
 from dynreg.errors import CorruptError, DiffersError, RegistryError
 from dynreg.limits import limits, refuse
 from dynreg.registry.codec import arrays_of, encode_arrays
 from dynreg.registry.directory import Directory
-from dynreg.registry.files import LOCKS, StoredFile, content_name, sweep, try_lock, unreadable
+from dynreg.registry.files import StoredFile, content_name, sweep, unreadable
 from dynreg.registry.records import COMMANDED, PopulationRecord
 from dynreg.registry.robots import require_robot
 from dynreg.registry.rows import require, row_of
+from dynreg.registry.server import persistent
 from dynreg.registry.shapes import check_spec
 
 Span = tuple[int, int]  # numbers of entries: first, and one past the last
 
 
+@persistent
 def put_population(directory: Directory, record: PopulationRecord) -> None:
     """Register a population, or let a known one grow to `record.size` (it never shrinks).
 
@@ -143,13 +144,8 @@ def claim(directory: Directory, population_id: str, start: int) -> Iterator[bool
 
     A killed process lets go of its claims. Claims only spare work: two writers do no harm.
     """
-    path = directory.home / LOCKS / f"{population_id[:16]}-{start:08d}.lock"
-    with try_lock(path) as mine:
-        try:
-            yield mine and any(span[0] == start for span in missing_spans(directory, population_id))
-        finally:
-            if mine:
-                disk.remove(path)
+    with directory.claim(f"{population_id[:16]}-{start:08d}") as mine:
+        yield mine and any(span[0] == start for span in missing_spans(directory, population_id))
 
 
 def held_spans(connection: Connection, population_id: str) -> list[Span]:

@@ -13,11 +13,13 @@ from dynreg.registry.files import StoredFile, content_name, unreadable
 from dynreg.registry.infos import RecordingInfo
 from dynreg.registry.robots import require_robot
 from dynreg.registry.rows import require, row_of
+from dynreg.registry.server import persistent
 from dynreg.registry.writing import Writing
 
 _IS_HASH = re.compile(r"[0-9a-f]{64}")
 
 
+@persistent
 def put_recording(
     directory: Directory, recording: Recording, robot_hash: str, name: str | None = None
 ) -> str:
@@ -63,6 +65,7 @@ def put_recording(
     return recording.id
 
 
+@persistent
 def add_name(directory: Directory, recording_id: str, name: str, robot_hash: str) -> None:
     """Call a stored recording by a further name, where no recording has it; else nothing changes.
 

@@ -1,4 +1,4 @@
-"""The store of populations, entries, recordings and results: one directory that can be moved."""
+"""The store of populations, entries, recordings and results: one directory that can be moved, or a shared one."""
 
 import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -38,6 +38,7 @@ from dynreg.registry.records import (
     ShardData,
 )
 from dynreg.registry.renewing import renew
+from dynreg.registry.sharing import Shared, share, shared_at
 
 
 class Registry:
@@ -67,6 +68,12 @@ class Registry:
         renew(directory)
         return cls(directory)
 
+    @classmethod
+    def share(cls, path: Path | str, catalog: str, blobs: str) -> "Registry":
+        """Open the registry at these addresses with its local folder at `path`, which is made; see `sharing.share`."""
+        share(Path(path), Shared(catalog, blobs))
+        return cls.open(path)
+
     def __enter__(self) -> "Registry":
         return self
 
@@ -85,6 +92,12 @@ class Registry:
     def path(self) -> Path:
         """The registry's directory."""
         return self.directory.path
+
+    @property
+    def addresses(self) -> dict[str, str]:
+        """Where the `catalog` and the `blobs` of a shared registry lie; empty of one in its own folder."""
+        shared = shared_at(self.path)
+        return {} if shared is None else vars(shared)
 
     @property
     def read_only(self) -> bool:

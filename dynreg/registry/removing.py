@@ -16,7 +16,6 @@ from dynreg.registry.exporting import simulators_in
 from dynreg.registry.files import INDEX, ROBOTS
 from dynreg.registry.infos import RobotInfo
 from dynreg.registry.registry import Registry
-from dynreg.registry.sweeping import remove_files, size_of
 from dynreg.registry.versions import numbered
 from dynreg.registry.writing import Writing
 
@@ -113,7 +112,7 @@ def remove(registry: Registry, refs: Sequence[str], fits: Fits = _any) -> Remova
                 _take_out(writing, plan)
                 break
     with registry.directory.catalog.write() as writing:  # nobody registers any of these files meanwhile
-        remove_files(registry.path, _unnamed(writing.connection, plan.files))
+        registry.directory.remove(_unnamed(writing.connection, plan.files))
     return plan
 
 
@@ -151,7 +150,7 @@ def _planned(registry: Registry, wanted: Sequence[Thing], known: _Known, fits: F
     }
     with registry.directory.catalog.read() as connection:
         files = tuple(_files_of(registry, connection, things))
-    return Removal(things, moved, named, files, sum(size_of(registry.path / name) for name in files))
+    return Removal(things, moved, named, files, sum(map(registry.directory.size, files)))
 
 
 def _instead(known: _Known, wanted: Sequence[Thing], fits: Fits) -> dict[str, RobotInfo]:
@@ -236,8 +235,9 @@ def _files_of(registry: Registry, connection: Connection, things: Iterable[Thing
     for row in _rows(connection, tables.shards, "population_id", _of(things, "population")):
         yield from (row["states_path"], row["arrays_path"])
     for identity in _of(things, "population"):
-        for path in sorted((registry.path / INDEX).glob(f"{identity[:16]}-*")):
-            yield path.relative_to(registry.path).as_posix()
+        for name in registry.directory.names(INDEX):
+            if name.startswith(f"{INDEX}/{identity[:16]}-"):
+                yield name
     for identity in _of(things, "robot"):
         yield f"{ROBOTS}/{identity}/"
 

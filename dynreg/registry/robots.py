@@ -12,12 +12,14 @@ from dynreg.errors import CorruptError, DiffersError, RegistryError, RobotError
 from dynreg.folder import MAPS, Folder, is_hashed, read_folder
 from dynreg.registry.codec import canonical_json
 from dynreg.registry.directory import Directory
-from dynreg.registry.files import ROBOTS, StoredFile, content_hash, is_temporary, sha256_of, write_file
+from dynreg.registry.files import ROBOTS, StoredFile, content_hash, sha256_of, write_file
 from dynreg.registry.rows import require, row_of
+from dynreg.registry.server import persistent
 from dynreg.registry.versions import numbered
 from dynreg.registry.writing import Writing
 
 
+@persistent
 def put_robot(
     directory: Directory, folder: Folder | Path, robot_hash: str, name: str, version: int | None = None
 ) -> None:
@@ -40,7 +42,8 @@ def put_robot(
     with directory.catalog.write() as writing:
         known = row_of(writing.connection, tables.robots, robot_hash)
         _check_same(known, manifest)
-        _write_copy(directory, robot_hash, contents, manifest)  # in case a repair took it for an orphan
+        # anew: in case a repair took it for an orphan
+        _write_copy(directory, robot_hash, contents, manifest, anew=known is None or known.manifest != told)
         kept = known.name if known else name
         writing.put(tables.robots, {"hash": robot_hash, "name": kept, "manifest": told})
         _number(writing, robot_hash, version, is_new=known is None)
@@ -55,12 +58,14 @@ def robot_folder(directory: Directory, robot_hash: str) -> Path:
     with directory.catalog.read() as connection:
         manifest = json.loads(require_robot(connection, robot_hash).manifest)
     for relative, sha256 in _covered(manifest).items():
-        if not directory.holds(StoredFile(f"{ROBOTS}/{robot_hash}/{relative}", sha256)):
+        if not directory.is_here(StoredFile(f"{ROBOTS}/{robot_hash}/{relative}", sha256)):
             raise CorruptError(
                 f"robot {robot_hash[:12]} has lost its {relative!r}, or it was changed",
                 expected="the folder as it was registered",
                 do="ingest a log or populate with the robot's own folder again: that puts its copy right",
             )
+    if directory.bucket is not None:
+        _bring_maps(directory, robot_hash, manifest)
     put_here = directory.home / ROBOTS / robot_hash
     return put_here if put_here.is_dir() else directory.path / ROBOTS / robot_hash
 
@@ -86,16 +91,31 @@ def _number(writing: Writing, robot_hash: str, version: int | None, *, is_new: b
 
 def _remove_other_maps(directory: Directory, robot_hash: str) -> None:
     """Remove the log maps that the robot's row does not name; nobody puts any meanwhile."""
-    folder = directory.home / ROBOTS / robot_hash
-    if not any((folder / MAPS).rglob("*")):
+    if not _maps(directory, robot_hash):
         return
     with directory.catalog.write() as writing:
         manifest = json.loads(require_robot(writing.connection, robot_hash).manifest)
-        there = [p for p in (folder / MAPS).rglob("*") if p.is_file() and not is_temporary(p.name)]
-        for path in there:
-            if path.relative_to(folder).as_posix() not in manifest:
-                disk.remove(path)
-                disk.sync_folder(path.parent)
+        others = [name for name in _maps(directory, robot_hash) if _within(name) not in manifest]
+        directory.remove(others)
+
+
+def _maps(directory: Directory, robot_hash: str) -> list[str]:
+    return directory.names(f"{ROBOTS}/{robot_hash}/{MAPS}")
+
+
+def _within(name: str) -> str:
+    """The path in its robot's folder of a file of the registry."""
+    return name.split("/", 2)[2]
+
+
+def _bring_maps(directory: Directory, robot_hash: str, manifest: Mapping[str, str]) -> None:
+    """Make the log maps that lie here those of a shared registry, as far as it has them."""
+    folder = directory.home / ROBOTS / robot_hash
+    for path in [p for p in (folder / MAPS).rglob("*") if p.is_file()]:
+        if path.relative_to(folder).as_posix() not in manifest:
+            disk.remove(path)
+    for relative in manifest.keys() - _covered(manifest).keys():
+        directory.is_here(StoredFile(f"{ROBOTS}/{robot_hash}/{relative}", manifest[relative]))
 
 
 def _check_same(known: Row | None, manifest: Mapping[str, str]) -> None:
@@ -113,9 +133,15 @@ def _covered(manifest: Mapping[str, str]) -> dict[str, str]:
 
 
 def _write_copy(
-    directory: Directory, robot_hash: str, contents: Mapping[str, bytes], manifest: Mapping[str, str]
+    directory: Directory,
+    robot_hash: str,
+    contents: Mapping[str, bytes],
+    manifest: Mapping[str, str],
+    anew: bool = False,
 ) -> None:
     for relative, data in contents.items():
+        file = StoredFile(f"{ROBOTS}/{robot_hash}/{relative}", manifest[relative])
+        directory.push(file.path, data, anew or not directory.is_here(file))
         path = directory.home / ROBOTS / robot_hash / relative
         if not _is_sound(path, manifest[relative]):
             disk.make_folder(path.parent)

@@ -107,13 +107,20 @@ def scan(root: Path, registered: set[str], removed: Collection[str] = ()) -> Fou
             found.bad[relative] = _damage(error)
     _pair(root, found, halves)
     _compare_models(found)
+    found.bad.update(damaged_here(root))
+    return found
+
+
+def damaged_here(root: Path) -> dict[str, str]:
+    """What is wrong with files of the cache and with journals of searches, which lie in the folder of any registry."""
+    bad = {}
     for path in sorted((root / CACHE).rglob("*.json")):
         if not is_temporary(path.name) and not is_sound(path):
-            found.bad[path.relative_to(root).as_posix()] = "it does not hold what was kept"
+            bad[path.relative_to(root).as_posix()] = "it does not hold what was kept"
     for path in sorted((root / SEARCHES).glob("*.jsonl")):
         if problem := damage(path):
-            found.bad[path.relative_to(root).as_posix()] = problem
-    return found
+            bad[path.relative_to(root).as_posix()] = problem
+    return bad
 
 
 def _is_among(name: str, removed: Collection[str]) -> bool:

@@ -51,10 +51,21 @@ def broken_structure(
     connection: Connection, known: Collection[str] = tuple(tables.metadata.tables)
 ) -> list[str]:
     """What shows that the catalogue is no sound database of the `known` tables, a line each; empty where it is."""
+    if connection.dialect.name == "postgresql":
+        return [f"the table {name!r} is missing" for name in lost_tables(connection)]
     strange = strange_objects(connection, known)
     if strange:
         return [f"it holds {name}" for name in strange]
     return [row[0] for row in connection.execute(text("PRAGMA integrity_check")) if row[0] != "ok"]
+
+
+def lost_tables(connection: Connection) -> list[str]:
+    """Names of the tables that a catalogue on a server lacks; what else it holds is not dynreg's to judge."""
+    told = (
+        "SELECT table_name, table_type FROM information_schema.tables WHERE table_schema = current_schema()"
+    )
+    kinds = dict(connection.execute(text(told)).all())
+    return [name for name in tables.metadata.tables if kinds.get(name) != "BASE TABLE"]
 
 
 def broken_seals(connection: Connection) -> list[str]:

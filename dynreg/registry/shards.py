@@ -16,6 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from dynreg.errors import RegistryError
+from dynreg.registry.bucket import Remote
 from dynreg.registry.codec import canonical_json, decode_arrays, encode_arrays
 from dynreg.registry.files import open_regular, unreadable
 from dynreg.registry.headers import SCHEMA, TOGETHER, checked_header, is_old, together
@@ -109,19 +110,19 @@ def encode_rest(data: ShardData, header: dict[str, Any]) -> bytes:
     return encode_arrays(arrays, header)
 
 
-def read_states_header(path: Path) -> dict[str, Any]:
+def read_states_header(path: Path | Remote) -> dict[str, Any]:
     """The header of a Parquet shard, with `shape` (n, E, T+1, S), the names of its `states` and `periods` (n, E).
 
     Raises CorruptError where it is none of a shard's, or does not fit the row groups.
     """
     try:
-        with _mapped(path) as stream:
+        with _opened(path) as stream:
             return checked_header(path, stream)
     except _ODD as error:
         raise unreadable(path, error) from error
 
 
-def read_states(path: Path, out: np.ndarray, first: int = 0) -> None:
+def read_states(path: Path | Remote, out: np.ndarray, first: int = 0) -> None:
     """Decode entries `first` to `first + len(out)` of a Parquet shard into `out` (n, E, T+1, S).
 
     Raises CorruptError when the file is missing, damaged or of another shape.
@@ -131,7 +132,7 @@ def read_states(path: Path, out: np.ndarray, first: int = 0) -> None:
     flat = out.reshape(-1, channels)
     at = 0
     try:
-        with _mapped(path) as stream:
+        with _opened(path) as stream:
             header = checked_header(path, stream)
             names, per = header["states"], together(header)
             if header["shape"][1:] != [episodes, steps, channels]:
@@ -190,7 +191,12 @@ def strip(arrays: dict[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:
     return {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}
 
 
-def _mapped(path: Path) -> pq.ParquetFile:
-    """A Parquet file in mapped memory. Arrow is not told its name, in which it may see an address or a home folder."""
-    with open_regular(path) as file:
+def _opened(source: Path | Remote) -> pq.ParquetFile:
+    """A Parquet file in mapped memory, or one in a bucket of which only the parts that are read are fetched.
+
+    Arrow is not told its name, in which it may see an address or a home folder.
+    """
+    if isinstance(source, Remote):
+        return pq.ParquetFile(pa.PythonFile(source.opened(), mode="r"), pre_buffer=True)
+    with open_regular(source) as file:
         return pq.ParquetFile(pa.py_buffer(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)))

@@ -1,7 +1,7 @@
 """The catalogue's tables, as the newest migration leaves them.
 
-Portable SQL only (no SQLite types or functions), so that the same code can stand on another database.
-JSON is stored as text.
+Portable SQL only (no SQLite types or functions): the same code stands on PostgreSQL, where texts are compared byte by
+byte as SQLite does, and whole numbers are as wide. JSON is stored as text.
 """
 
 import json
@@ -10,9 +10,13 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from sqlalchemy import Column, ForeignKey, Integer, MetaData, Table, Text, UniqueConstraint, select
+import sqlalchemy as sql
+from sqlalchemy import BigInteger, Column, ForeignKey, MetaData, Table, UniqueConstraint, select
 
 from dynreg.limits import limits
+
+Text = sql.Text().with_variant(sql.Text(collation="C"), "postgresql")
+Integer = sql.Integer().with_variant(BigInteger(), "postgresql")
 
 metadata = MetaData()
 
@@ -167,7 +171,7 @@ def values_of(table: Table, row: Mapping[str, Any]) -> Values:
 
 
 def _plain(column: Column, value: Any) -> Any:
-    if isinstance(column.type, Integer) and hasattr(value, "__index__") and not isinstance(value, bool):
+    if isinstance(column.type, sql.Integer) and hasattr(value, "__index__") and not isinstance(value, bool):
         return operator.index(value)  # numpy has whole numbers, and texts, of its own
     return str(value) if isinstance(value, str) else value
 
@@ -192,7 +196,7 @@ def misfit(table: Table, values: Values) -> str:
     A stranger's catalogue may be whole by its own seals, and SQLite keeps a text in a column of numbers.
     """
     for column, value in zip(table.c, values, strict=True):
-        whole = isinstance(column.type, Integer)
+        whole = isinstance(column.type, sql.Integer)
         fits = type(value) is int and 0 <= value < _MOST if whole else _is_text(value)
         if not fits and not (value is None and column.nullable):
             return f"{column.name} = {str(value)[:40]!r} in the table {table.name!r}"

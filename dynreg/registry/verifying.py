@@ -2,16 +2,17 @@
 
 import os
 import secrets
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
 
 import dynreg.registry.disk as disk
+import dynreg.registry.migrations as migrations
 import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError, RegistryError
 from dynreg.registry.catalog import BESIDE, FILE, Catalog
-from dynreg.registry.comparing import Fault, VerifyReport
-from dynreg.registry.examining import Examined, examine, keyed, stored_in
+from dynreg.registry.comparing import Fault, VerifyReport, again
+from dynreg.registry.examining import Examined, Stored, examine, keyed, read_served, stored_in
 from dynreg.registry.files import (
     CACHE,
     INDEX,
@@ -26,6 +27,7 @@ from dynreg.registry.files import (
     write_file,
 )
 from dynreg.registry.ledger import last_number, pages_after
+from dynreg.registry.mirroring import bring_all, send_back
 from dynreg.registry.opening import (
     MARKER,
     check_links,
@@ -37,12 +39,18 @@ from dynreg.registry.opening import (
     write_marker,
 )
 from dynreg.registry.rebuild import Rows, manifest_of, new_rows, paths_in
+from dynreg.registry.scan import damaged_here
+from dynreg.registry.seal import lost_tables
+from dynreg.registry.sharing import Shared, open_shared, shared_at
 from dynreg.registry.sweeping import remove_files
 from dynreg.registry.tables import Values, values_of
 from dynreg.registry.writing import Writing
 
 # Bytes: a repair asks for so many beside three times the catalogue and the ledger, of which it makes copies.
 _SPARE = 1 << 20
+
+
+_EMPTY = (Fault("catalog", "on the server", "it lacks what the bucket holds", lost=False),)
 
 
 def verify(path: Path, repair: bool = False, dry_run: bool = False) -> VerifyReport:
@@ -59,6 +67,8 @@ def verify(path: Path, repair: bool = False, dry_run: bool = False) -> VerifyRep
     not be written for a repair: nothing is changed then.
     """
     path = Path(path)
+    if (told := shared_at(path)) is not None:
+        return _of_shared(path, told, repair and not dry_run, dry_run)
     unmarked = lost_marker(path)
     if not unmarked:
         check_marker(path)
@@ -90,30 +100,80 @@ def verify(path: Path, repair: bool = False, dry_run: bool = False) -> VerifyRep
         return _with_words(replace(report, faults=(*marker, *report.faults)))
 
 
+def _of_shared(path: Path, told: Shared, repair: bool, dry_run: bool) -> VerifyReport:
+    """`verify` of a shared registry: its bucket is copied to a folder here; what a repair changes there goes back."""
+    directory = open_shared(path, told, migrate=False)
+    with closing(directory), temporary_folder(path / "copy") as place:
+        with directory.catalog.transaction("BEGIN") as connection:
+            lacking = lost_tables(connection)
+        with directory.catalog.transaction("BEGIN IMMEDIATE" if repair or lacking else "BEGIN") as connection:
+            if lacking:  # they are made for the examination, and stay where it ends with a repair
+                tables.metadata.create_all(connection)
+                if pending := migrations.pending(connection):
+                    connection.execute(tables.migrations.insert(), [{"name": name} for name in pending])
+            stored = read_served(place, directory.catalog, connection)
+            brought = bring_all(directory.bucket, place, stored.pages)
+            lost = _EMPTY if lacking or (not stored.pages and pages_after(place, 0)) else ()
+            if repair:
+                report = _mended(place, stored)[-1]
+                send_back(directory.bucket, place, brought)
+            else:
+                examined = examine(place, stored)
+                report = _foreseen(place, examined, examined.report) if dry_run else examined.report
+                connection.rollback()
+        where = told.blobs.partition("?")[0]  # what was copied lies there
+        faults = [replace(f, problem=f.problem.replace(str(place), where)) for f in report.faults]
+        damaged = damaged_here(path)
+        faults += [Fault(again(name), name, why, lost=False) for name, why in damaged.items()]
+        report = replace(report, faults=(*lost, *faults))
+        for (
+            fault
+        ) in report.faults:  # of what is damaged there, the copy here serves no more: a put may heal it
+            with suppress(OSError):
+                (path / fault.what).unlink()
+        if repair:
+            _put_away(path, list(damaged))
+            sweep(path)
+        return _with_words(report, "would be " * dry_run) if repair or dry_run else report
+
+
 def _repaired(path: Path) -> VerifyReport:
     if (path / FILE).exists() and not lost_catalog(path):
         with suppress(CorruptError):  # one of format 1 is brought up to date first, where that can be done
             Catalog(path).close()
     with stored_in(path, "BEGIN IMMEDIATE") as stored:
-        examined = examine(path, stored)
-        back = _put_back(path, examined)
-        if back:
-            examined = examine(path, stored)
-        rows = new_rows(path, examined.held, examined.found, adopt=examined.rows_lost)
-        changed = bool(examined.faulty) or examined.behind or keyed(rows) != keyed(examined.held)
-        if changed and stored.connection is not None:
-            stored.catalog.begin_anew(Writing(stored.connection), _values(rows))
-        if stored.connection is not None:  # while nobody else can put anything
-            remove_files(path, examined.removed)
-            _put_away(path, _strays(rows, examined))
+        rows, changed, examined, report = _mended(path, stored)
     if stored.connection is None:
         if changed:
             _rebuild(path, _values(rows))
-        remove_files(path, examined.removed)
-        _put_away(path, _strays(rows, examined))
+        _clear(path, rows, examined)
     sweep(path)
+    return report
+
+
+def _mended(path: Path, stored: Stored) -> tuple[Rows, bool, Examined, VerifyReport]:
+    """The rows of all that is sound, whether they are others than before, and what was found.
+
+    Where the catalogue can be written they are in it then, and what is no part of the registry is out of the way: while
+    nobody else can put anything.
+    """
+    examined = examine(path, stored)
+    back = _put_back(path, examined)
+    if back:
+        examined = examine(path, stored)
+    rows = new_rows(path, examined.held, examined.found, adopt=examined.rows_lost)
+    changed = bool(examined.faulty) or examined.behind or keyed(rows) != keyed(examined.held)
+    if stored.connection is not None:
+        if changed:
+            stored.catalog.begin_anew(Writing(stored.connection), _values(rows), last_number(path))
+        _clear(path, rows, examined)
     faults = (*back, *_nameless(rows, examined), *examined.report.faults)
-    return replace(examined.report, faults=faults)
+    return rows, changed, examined, replace(examined.report, faults=faults)
+
+
+def _clear(path: Path, rows: Rows, examined: Examined) -> None:
+    remove_files(path, examined.removed)
+    _put_away(path, _strays(rows, examined))
 
 
 def _misnamed(examined: Examined) -> list[tuple[str, str]]:

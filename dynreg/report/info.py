@@ -15,6 +15,7 @@ def tables(result: Info) -> RenderableType:
     rows = [
         ("registry", result.registry),
         ("", holds if result.exists else "none there yet: `dynreg populate` or `dynreg ingest` makes it"),
+        *(("catalogue", result.catalog), ("files", result.blobs))[: 2 * bool(result.catalog)],
         *result.versions.items(),
         *((f"{name} (optional)", found) for name, found in parts.items()),
         ("system", result.system or "-"),

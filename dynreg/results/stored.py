@@ -201,7 +201,7 @@ class Info(Result):
     """Versions, machine, and what the registry holds (counts by kind, simulators of all populations).
 
     exists : whether a registry is at that path. optional : {package: version}, null where it is not installed.
-    device : name of the GPU, or "cpu".
+    device : name of the GPU, or "cpu". catalog, blobs : addresses of a shared registry, "" of one in its own folder.
     """
 
     schema_: Literal["dynreg/info/1"] = Field(default="dynreg/info/1", alias="schema")
@@ -209,6 +209,8 @@ class Info(Result):
     exists: bool = True
     holds: dict[str, int]
     entries: int
+    catalog: str = ""
+    blobs: str = ""
     versions: dict[str, str]
     optional: dict[str, str | None] = {}
     system: str = ""

@@ -10,7 +10,11 @@ from dynreg.results.stored import Info
 from dynreg.verbs.list import KINDS, listing
 
 NEEDED = ("dynreg", "mujoco", "torch", "numpy", "pyarrow")
-OPTIONAL = {"hnswlib": "hnswlib", "rerun-sdk": "rerun"}  # distribution: the extra that brings it
+OPTIONAL = {
+    "hnswlib": "hnswlib",
+    "psycopg": "postgres",
+    "rerun-sdk": "rerun",
+}  # distribution: the extra that brings it
 
 
 def information(registry: Registry | Path) -> Info:
@@ -21,6 +25,7 @@ def information(registry: Registry | Path) -> Info:
         exists=opened is not None,
         holds={} if opened is None else _holds(opened),
         entries=0 if opened is None else sum(opened.count(p.id) for p in opened.populations()),
+        **({} if opened is None else opened.addresses),
         versions={"python": platform.python_version()} | {name: version(name) for name in NEEDED},
         optional={name: _version(name) for name in OPTIONAL},
         system=platform.platform(),

@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 import pytest
+from hands import files_of
 from registry_contents import POPULATION, ROBOT, make_shard, populate
 
 from dynreg.errors import CorruptError, NoMatchError, UsageError
@@ -85,7 +86,8 @@ def test_refusals_leave_nothing_behind(registry, out, tmp_path):
         export(registry, [], out)
     with pytest.raises(UsageError, match="exists already; expected a name that is not taken; name another"):
         export(registry, ["bench"], tmp_path)
-    next((registry.path / "shards").glob("*.parquet")).unlink()
+    with files_of(registry) as root:
+        next((root / "shards").glob("*.parquet")).unlink()
     with pytest.raises(CorruptError):
         export(registry, ["bench"], out)
     assert sorted(p.name for p in tmp_path.iterdir()) == before

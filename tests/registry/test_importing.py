@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hands import files_of
 from registry_contents import (
     POPULATION,
     ROBOT,
@@ -67,7 +68,8 @@ def test_what_differs_or_is_damaged_is_left_out_and_all_else_is_taken(registry, 
     here.put_robot(make_robot(tmp_path / "other"), ROBOT, "arm")
     here.put_population(make_population(seed=8))
     here.put_recording(make_recording(2), ROBOT, "first run")
-    next((registry.path / "simulators").glob("*.json")).write_text("{}")
+    with files_of(registry) as root:
+        next((root / "simulators").glob("*.json")).write_text("{}")
     brought = take_in(here, registry)
     told = "; ".join(brought.left_out)
     assert f"population {POPULATION[:12]}" in told and "other settings" in told
@@ -185,7 +187,8 @@ def odd_name(registry):
 
 
 def lost_recording(registry):
-    next((registry.path / "recordings").iterdir()).unlink()
+    with files_of(registry) as root:
+        next((root / "recordings").iterdir()).unlink()
 
 
 def odd_provenance(registry, monkeypatch):
@@ -233,7 +236,8 @@ def test_what_differs_or_has_a_taken_name_is_not_damaged(registry, here, tmp_pat
 
 
 def test_sound_shards_of_a_damaged_population_are_taken(registry, here):
-    min((registry.path / "shards").glob("*.parquet")).unlink()
+    with files_of(registry) as root:
+        min((root / "shards").glob("*.parquet")).unlink()
     brought = take_in(here, registry)
     (told,) = (line for line in brought.left_out if line.startswith("population"))
     assert told.endswith("No such file or directory; 4 of its 10 entries are missing here")

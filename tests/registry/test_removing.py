@@ -5,20 +5,20 @@ from pathlib import Path
 from unittest import mock
 
 import pytest
+from hands import files_of, lose_catalogue, stored
 from registry_contents import POPULATION, ROBOT, make_recording, make_robot
 
 import dynreg.registry.opening as opening
-import dynreg.registry.removing as removing
 from dynreg.errors import NoMatchError, RegistryError, UsageError
 from dynreg.registry import Registry, collect, removal, remove, verify
 
 OTHER = "ef" * 32
 
 
-def files(root: Path) -> set[str]:
-    """All files but the ledger's and the catalogue's."""
-    found = {p.relative_to(root).as_posix() for p in root.rglob("*") if p.is_file()}
-    return {name for name in found if not name.startswith(("ledger", "catalog", "locks"))}
+def files(registry: Registry) -> set[str]:
+    """All stored files but the ledger's and the catalogue's."""
+    passing = ("ledger", "catalog", "locks", "page")
+    return {name for name in stored(registry) if not name.startswith(passing)}
 
 
 def kinds(plan) -> list[str]:
@@ -31,17 +31,17 @@ def newer(registry: Registry, tmp_path: Path) -> None:
     registry.put_robot(folder, OTHER, "arm")
 
 
-def test_a_dry_run_lists_and_changes_nothing(registry, registry_snapshot):
-    before = registry_snapshot(registry.path)
+def test_a_dry_run_lists_and_changes_nothing(registry):
+    before = stored(registry)
     plan = removal(registry, ["first run"])
     assert kinds(plan) == ["measured", "recording", "result"] and plan.size > 0
-    assert registry_snapshot(registry.path) == before
+    assert stored(registry) == before
 
 
 def test_a_recording_goes_with_its_results_and_names(registry):
-    before = files(registry.path)
+    before = files(registry)
     plan = remove(registry, ["first run"])
-    assert before - files(registry.path) == set(plan.files) and len(plan.files) == 3
+    assert before - files(registry) == set(plan.files) and len(plan.files) == 3
     assert registry.recordings() == () and registry.ids("result") == () and len(registry.load("bench")) == 10
     with pytest.raises(NoMatchError):
         registry.resolve("first run")
@@ -53,7 +53,7 @@ def test_a_population_goes_with_entries_index_and_what_names_it(registry):
     registry.put_result("neighbours", "first run", {"population": POPULATION})
     plan = remove(registry, ["bench"])
     assert kinds(plan) == ["measured", "population", "result"]
-    assert not any(name.startswith(("shards", "populations", "index")) for name in files(registry.path))
+    assert not any(name.startswith(("shards", "populations", "index")) for name in files(registry))
     assert len(registry.ids("result")) == 1 and not verify(registry.path).faults
 
 
@@ -74,7 +74,7 @@ def test_a_recording_outlives_a_version_of_its_robot(registry, tmp_path):
     assert not (registry.path / "robots" / ROBOT).exists() and not verify(registry.path).faults
     last = remove(registry, ["arm"])
     assert kinds(last) == ["recording", "result", "robot"], "no version is left"
-    assert files(registry.path) == {"dynreg.json"} and not verify(registry.path).faults
+    assert files(registry) == {"dynreg.json"} & stored(registry).keys() and not verify(registry.path).faults
 
 
 def test_a_recording_moves_to_a_version_that_it_fits_and_to_no_other(registry, tmp_path):
@@ -93,26 +93,26 @@ def test_an_entry_named_after_a_thing_named_twice_is_the_one_that_is_told(regist
         removal(registry, ["first run", "first run", entry])
 
 
-def test_what_cannot_be_removed_is_refused(registry, registry_snapshot):
-    before = registry_snapshot(registry.path)
+def test_what_cannot_be_removed_is_refused(registry):
+    before = stored(registry)
     for ref, error in ((registry.load("bench", ()).ids[3], UsageError), ("nothing", NoMatchError)):
         with pytest.raises(error):
             remove(registry, ["first run", ref])
     with pytest.raises(UsageError, match="nothing to remove"):
         remove(registry, [])
-    assert registry_snapshot(registry.path) == before
+    assert stored(registry) == before
 
 
 @pytest.fixture
 def cut_short(registry) -> set[str]:
     """The files of a removal whose process died before it could remove them."""
-    before = files(registry.path)
+    before = files(registry)
     with (
-        mock.patch.object(removing, "remove_files", side_effect=KeyboardInterrupt),
+        mock.patch.object(registry.directory, "remove", side_effect=KeyboardInterrupt),
         pytest.raises(KeyboardInterrupt),
     ):
         remove(registry, ["first run", "bench"])
-    assert files(registry.path) == before and registry.recordings() == ()
+    assert files(registry) == before and registry.recordings() == ()
     assert not verify(registry.path).faults
     return before
 
@@ -122,29 +122,30 @@ def test_a_removal_that_was_cut_short_is_finished_by_gc(registry, cut_short):
     assert {one.path for one in there} == {
         n for n in cut_short if n.startswith(("sh", "pop", "rec", "mea", "res", "index"))
     }
-    assert files(registry.path) == cut_short
+    assert files(registry) == cut_short
     assert collect(registry) == there and collect(registry) == ()
     assert not verify(registry.path).faults and registry.robots() == {ROBOT: "arm"}
 
 
 @pytest.mark.parametrize("lost", ["an early page", "the catalogue"])
 def test_no_repair_brings_back_what_was_removed(registry, cut_short, lost):
-    registry.close()
-    pages = sorted((registry.path / "ledger").iterdir())
     if lost == "an early page":
-        pages[2].unlink()
+        with files_of(registry) as root:
+            sorted((root / "ledger").iterdir())[2].unlink()
+        registry.close()
     else:
-        (registry.path / "catalog.sqlite").unlink()
+        lose_catalogue(registry)
     verify(registry.path, repair=True)
     assert not verify(registry.path).faults
     with Registry.open(registry.path) as again:
         assert again.recordings() == again.populations() == again.ids("result") == ()
-        assert not any(name.startswith(("recordings/", "shards/")) for name in files(again.path))
+        assert not any(name.startswith(("recordings/", "shards/")) for name in files(again))
 
 
 def test_a_lost_page_of_a_removal_is_no_loss_of_data(registry):
     remove(registry, ["first run", "bench"])
-    sorted((registry.path / "ledger").iterdir())[-1].unlink()
+    with files_of(registry) as root:
+        sorted((root / "ledger").iterdir())[-1].unlink()
     registry.close()
     report = verify(registry.path, repair=True)
     assert not [fault for fault in report.lost if fault.kind != "ledger"]
@@ -154,9 +155,10 @@ def test_a_lost_page_of_a_removal_is_no_loss_of_data(registry):
 
 def test_gc_keeps_everything_that_something_names(registry):
     registry.cache("thresholds", {"of": "a test"}, {"value": 3.0})
-    before = files(registry.path)
-    assert collect(registry) == () and files(registry.path) == before
-    (registry.path / "results" / "neighbours-ab-cd.json").write_text("{}")
+    before = files(registry)
+    assert collect(registry) == () and files(registry) == before
+    with files_of(registry) as root:
+        (root / "results" / "neighbours-ab-cd.json").write_text("{}")
     (unnamed,) = collect(registry)
     assert (unnamed.path, unnamed.size) == ("results/neighbours-ab-cd.json", 2)
     gone = {one.path.split("/")[0] for one in collect(registry, caches=True)}
@@ -165,7 +167,8 @@ def test_gc_keeps_everything_that_something_names(registry):
 
 
 def test_gc_refuses_where_a_repair_may_need_what_nothing_names(registry):
-    sorted((registry.path / "ledger").iterdir())[1].unlink()
+    with files_of(registry) as root:
+        sorted((root / "ledger").iterdir())[1].unlink()
     with pytest.raises(RegistryError, match="verify --repair"):
         collect(registry)
 
@@ -203,7 +206,8 @@ def test_gc_leaves_the_copy_of_a_reader_that_still_runs(registry, tmp_path, monk
 
 
 def test_gc_tells_a_damaged_index_from_one_whose_entries_are_gone(registry):
-    (index,) = (registry.path / "index").glob("*.safetensors")
-    index.write_bytes(index.read_bytes()[:-8])
+    with files_of(registry) as root:
+        (index,) = (root / "index").glob("*.safetensors")
+        index.write_bytes(index.read_bytes()[:-8])
     (found,) = collect(registry, dry_run=True)
     assert found.path == f"index/{index.name}" and found.why == "it is damaged"

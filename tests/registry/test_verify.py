@@ -1,16 +1,17 @@
 """Each damage is found, and a repair leaves a registry that verifies clean and can be filled again."""
 
 import shutil
-import sqlite3
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hands import files_of, lose_catalogue, sql, stored
 from registry_contents import ROBOT, make_population, make_recording, make_shard, populate
 
 from dynreg.data.recording import Recording
 from dynreg.errors import CorruptError, RegistryError
-from dynreg.registry import Registry, catalog, verify
+from dynreg.registry import Registry, verify
+from dynreg.registry.writing import Writing
 
 
 def _one(root: Path, pattern: str) -> Path:
@@ -27,21 +28,13 @@ def _truncate(path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-7])
 
 
-def _sql(root: Path, statement: str) -> None:
-    connection = sqlite3.connect(root / "catalog.sqlite")
-    with connection:
-        changed = connection.execute(statement).rowcount
-    connection.close()
-    assert changed > 0, "the damage changed nothing"
-
-
-def test_a_sound_registry_has_no_faults(registry, registry_snapshot):
+def test_a_sound_registry_has_no_faults(registry):
     report = verify(registry.path)
     assert report.faults == () and report.leftovers == ()
     assert report.checked["entries"] == 10 and report.checked["shards"] == 3
     assert report.lost == ()
-    before = registry_snapshot(registry.path)
-    assert verify(registry.path).faults == () and registry_snapshot(registry.path) == before
+    before = stored(registry)
+    assert verify(registry.path).faults == () and stored(registry) == before
 
 
 # kind of file: its pattern, and what a repair makes of the damage: taken out, or left to be put again
@@ -66,7 +59,8 @@ DAMAGES += [("shard states", _truncate), ("shard weights", _truncate)]
 def test_damaged_file_is_found_and_healed(registry, robot, file, damage):
     pattern, kind = FILES[file]
     whole, content = registry.load("bench"), registry.content_hash()
-    damage(_one(registry.path, pattern))
+    with files_of(registry) as root:
+        damage(_one(root, pattern))
 
     report = verify(registry.path)
     assert [fault.kind for fault in report.faults] == [kind]
@@ -88,11 +82,12 @@ def test_damaged_file_is_found_and_healed(registry, robot, file, damage):
 
 
 def test_reading_what_is_damaged_is_an_error_that_names_the_next_step(registry):
-    _flip(_one(registry.path, "recordings/*"))
-    _truncate(_one(registry.path, "shards/*.parquet"))
-    _truncate(_one(registry.path, "populations/*"))
-    _one(registry.path, "robots/*/robot.toml").unlink()
-    _flip(_one(registry.path, "index/*"))
+    with files_of(registry) as root:
+        _flip(_one(root, "recordings/*"))
+        _truncate(_one(root, "shards/*.parquet"))
+        _truncate(_one(root, "populations/*"))
+        _one(root, "robots/*/robot.toml").unlink()
+        _flip(_one(root, "index/*"))
     for read in (registry.recording, registry.load, registry.population, registry.robot_folder):
         ref = {"recording": "first run", "robot_folder": "arm"}.get(read.__name__, "bench")
         with pytest.raises(CorruptError, match="repair|with the robot's own folder again") as error:
@@ -119,7 +114,7 @@ ROWS = {
 def test_damaged_row_is_found_and_written_again_from_the_files(registry, case):
     statement, kind = ROWS[case]
     content = registry.content_hash()
-    _sql(registry.path, statement)
+    sql(registry, statement)
     assert kind in {fault.kind for fault in verify(registry.path).faults}
     verify(registry.path, repair=True)
     assert verify(registry.path).faults == () and verify(registry.path).leftovers == ()
@@ -154,7 +149,7 @@ def test_files_that_a_killed_process_left_are_no_fault_and_serve_the_next_put(re
 
     content = registry.content_hash()
     with monkeypatch.context() as killed, pytest.raises(KeyboardInterrupt):
-        killed.setattr(catalog, "write_page", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+        killed.setattr(Writing, "page", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
         put()  # its files are there, and nothing tells of them
     report = verify(registry.path)
     assert report.faults == () and len(report.leftovers) == (2 if what == "entries" else 1)
@@ -175,16 +170,19 @@ def test_a_robot_may_call_its_files_anything_that_is_text(registry, robot):
 
 
 def test_half_copied_robot_is_no_fault(registry):
-    half = registry.path / "robots" / ("ef" * 32)
-    half.mkdir()
-    (half / "robot.toml").write_text("")
+    with files_of(registry) as root:
+        half = root / "robots" / ("ef" * 32)
+        half.mkdir()
+        (half / "robot.toml").write_text("")
     assert verify(registry.path).faults == () and verify(registry.path).leftovers != ()
     verify(registry.path, repair=True)
-    assert half.exists() and list(registry.robots()) == [ROBOT]
+    with files_of(registry) as root:
+        assert (root / "robots" / ("ef" * 32)).exists() and list(registry.robots()) == [ROBOT]
 
 
 def test_recording_put_again_heals_a_damaged_file_whatever_its_provenance(registry):
-    _flip(_one(registry.path, "recordings/*"))
+    with files_of(registry) as root:
+        _flip(_one(root, "recordings/*"))
     whole = make_recording(1)
     registry.put_recording(
         Recording(whole.channels, whole.episodes, provenance={"source": "copy.csv"}), ROBOT
@@ -193,15 +191,10 @@ def test_recording_put_again_heals_a_damaged_file_whatever_its_provenance(regist
     assert not verify(registry.path).lost
 
 
-def _overwrite(path: Path) -> None:
-    path.write_bytes(b"not a database, but long enough to be taken for one" * 100)
-
-
-@pytest.mark.parametrize("damage", [_overwrite, Path.unlink], ids=["overwrite", "delete"])
-def test_lost_catalogue_is_written_anew_from_the_files(registry, damage):
+@pytest.mark.parametrize("how", ["overwrite", "delete"])
+def test_lost_catalogue_is_written_anew_from_the_files(registry, how):
     content, path = registry.content_hash(), registry.path
-    registry.close()
-    damage(path / "catalog.sqlite")
+    lose_catalogue(registry, how)
     with pytest.raises(CorruptError, match="repair"):
         Registry.open(path)
     assert [f.kind for f in verify(path).faults] == ["catalog"]
@@ -226,8 +219,9 @@ def test_damaged_page_of_the_catalogue_is_found(registry):
 
 
 def test_path_out_of_the_registry_is_refused(registry, tmp_path):
-    shutil.copy(_one(registry.path, "recordings/*"), tmp_path / "outside.parquet")
-    _sql(registry.path, "UPDATE recordings SET path = '../outside.parquet'")
+    with files_of(registry) as root:
+        shutil.copy(_one(root, "recordings/*"), tmp_path / "outside.parquet")
+    sql(registry, "UPDATE recordings SET path = '../outside.parquet'")
     with pytest.raises(CorruptError, match="outside"):
         registry.recording("first run")
 

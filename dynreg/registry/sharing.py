@@ -1,0 +1,109 @@
+"""Shared registries: a local folder whose marker says where the catalogue and the files lie.
+
+The folder is the registry's local face: it holds the marker, copies of what was read or written here, caches, and
+journals of searches. It may be removed and made again without loss. No password and no key is in it.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import dynreg.registry.disk as disk
+from dynreg.errors import RegistryError
+from dynreg.registry.bucket import Bucket
+from dynreg.registry.directory import Directory
+from dynreg.registry.files import CACHE, FOLDERS, LOCKS, is_temporary, read_regular, write_file
+from dynreg.registry.served import ServedCatalog
+from dynreg.registry.server import address
+
+MARKER = "dynreg.json"
+FORMAT = "dynreg-registry"
+PARTS = "parts"  # of files in the bucket of which not all was fetched
+VERSION = 3  # of a marker that names a catalogue and a bucket
+_BYTES = 4000  # a marker has some 200
+
+
+@dataclass(frozen=True)
+class Shared:
+    """Where a shared registry lies.
+
+    catalog : an SQLAlchemy URL of a PostgreSQL database, without a password. blobs : the address of a bucket and a
+    prefix in it, without a key.
+    """
+
+    catalog: str
+    blobs: str
+
+
+def read_marker(path: Path) -> dict[str, Any] | None:
+    """What the marker of a registry at `path` says; None where there is none. OSError where it cannot be read."""
+    try:
+        marker = json.loads(read_regular(path / MARKER, _BYTES))
+        return marker if marker["format"] == FORMAT and int(marker["version"]) else None
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
+        return None
+
+
+def shared_at(path: Path) -> Shared | None:
+    """Where the registry at `path` lies, if it is a shared one; RegistryError where its marker does not say that."""
+    try:
+        marker = read_marker(path)
+    except OSError:
+        return None
+    if marker is None or marker["version"] != VERSION:
+        return None
+    told = marker.get("catalog"), marker.get("blobs")
+    if not all(isinstance(one, str) for one in told):
+        raise RegistryError(
+            f"the marker {str(path / MARKER)!r} does not say where the registry lies",
+            expected="a catalogue and a bucket",
+            do="remove the folder, and make it again with `dynreg init`",
+        )
+    return Shared(*told)
+
+
+def share(path: Path, told: Shared) -> None:
+    """Make `path` the local face of the registry at these addresses; the registry itself where they hold none yet.
+
+    Raises UsageError for odd addresses, RegistryError where they cannot be reached, `path` is something else already,
+    or the bucket holds the files of another registry.
+    """
+    known = shared_at(path)
+    if known not in (None, told) or (known is None and _is_taken(path)):
+        raise RegistryError(
+            f"{str(path)!r} is {'a face of another registry' if known else 'something else already'}",
+            expected="an empty place for a new folder",
+            do="name another one with --registry",
+        )
+    address(told.catalog)
+    bucket = Bucket(told.blobs)
+    bucket.check()
+    catalog = ServedCatalog(told.catalog, bucket)
+    try:
+        if not catalog.last_page() and bucket.names("ledger"):
+            raise RegistryError(
+                f"the bucket {told.blobs.partition('?')[0]!r} holds a registry whose catalogue is another one",
+                expected="the catalogue that belongs to it, or an empty prefix",
+                do="name another --blobs; where that catalogue is lost, see `dynreg verify --repair`",
+            )
+    finally:
+        catalog.close()
+    disk.make_folder(path.absolute())
+    marker = {"format": FORMAT, "version": VERSION, "catalog": told.catalog, "blobs": told.blobs}
+    write_file(path / MARKER, json.dumps(marker).encode() + b"\n")
+
+
+def open_shared(path: Path, told: Shared, migrate: bool = True) -> Directory:
+    """Open a shared registry by its local folder; raises as `ServedCatalog`, and where the bucket is not reached.
+
+    migrate : False leaves its catalogue as it is, whatever that lacks.
+    """
+    for name in (*FOLDERS, LOCKS):
+        disk.make_folder(path / name)
+    bucket = Bucket(told.blobs, kept=path / CACHE / PARTS)
+    return Directory(path, ServedCatalog(told.catalog, bucket, migrate), bucket=bucket)
+
+
+def _is_taken(path: Path) -> bool:
+    return path.exists() and (not path.is_dir() or any(not is_temporary(p.name) for p in path.iterdir()))

@@ -1,0 +1,257 @@
+"""A shared registry is the same registry: whoever opens it, wherever, with others at the same time."""
+
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hands import files_of
+from registry_contents import (
+    POPULATION,
+    ROBOT,
+    fill,
+    make_population,
+    make_recording,
+    make_shard,
+    populate,
+)
+
+import dynreg.registry.server as server
+from dynreg.errors import CorruptError, NoPlaceError, RegistryError, UsageError
+from dynreg.registry import Registry, verify
+from dynreg.registry.bucket import explained
+from dynreg.registry.writing import Writing
+
+
+@pytest.fixture
+def place(stores):
+    """The name of an empty database and bucket."""
+    name = stores.new()
+    yield name
+    stores.drop(name)
+
+
+@pytest.fixture
+def faces(stores, place, tmp_path):
+    """Open the registry there by a new folder, as on another machine."""
+    opened: list[Registry] = []
+
+    def face() -> Registry:
+        path = tmp_path / f"face{len(opened)}"
+        opened.append(Registry.share(path, stores.catalog(place), stores.blobs(place)))
+        return opened[-1]
+
+    yield face
+    for registry in opened:
+        registry.close()
+
+
+def test_it_holds_what_a_folder_holds_byte_by_byte(faces, robot, tmp_path):
+    with Registry.open(tmp_path / "folder", create=True) as folder:
+        for registry in (folder, shared := faces()):
+            fill(registry, robot)
+            registry.put_recording(make_recording(1), ROBOT, "first run")
+            registry.put_result("neighbours", "first run", {"k": 5})
+        assert shared.content_hash() == folder.content_hash()
+        for kind in ("shards", "populations", "recordings", "results", "robots", "ledger"):
+            assert shared.directory.names(kind) == folder.directory.names(kind)
+
+
+def test_another_machine_finds_all_of_it(faces, robot, registry_snapshot):
+    one, other = faces(), faces()
+    fill(one, robot)
+    one.put_recording(make_recording(1), ROBOT, "first run")
+    one.put_index("bench", "landmarks", {"losses": one.load("bench").values})
+    assert other.load("bench").ids == make_shard(0, 10).entry_ids(POPULATION)
+    np.testing.assert_array_equal(other.load("bench").states, make_shard(0, 10).states)
+    assert other.recording("first run").id == make_recording(1).id
+    assert registry_snapshot(other.robot_folder("arm")) == registry_snapshot(robot)
+    np.testing.assert_array_equal(other.index("bench", "landmarks")["losses"], make_shard(0, 10).values)
+    fetched = other.directory.bucket.fetched
+    other.load("bench"), other.recording("first run"), other.robot_folder("arm")
+    assert other.directory.bucket.fetched == fetched, "what lies here is not fetched again"
+
+
+def test_a_copy_here_that_was_damaged_is_fetched_again(faces, robot):
+    one = faces()
+    fill(one, robot)
+    for path in (one.path / "shards").iterdir():
+        path.write_bytes(b"damaged")
+    np.testing.assert_array_equal(one.load("bench").states, make_shard(0, 10).states)
+
+
+def test_one_entry_is_fetched_without_its_shard_and_known_by_its_id(faces, robot, tmp_path):
+    one, other = faces(), faces()
+    one.put_robot(robot, ROBOT, "arm")
+    one.put_population(make_population(400, shard_size=200))
+    populate(one)
+    whole = make_shard(0, 200)
+    bucket, ids = other.directory.bucket, whole.entry_ids(POPULATION)
+    size = sum(bucket.names("shards").values())
+    entry = other.load_entry(ids[150])
+    np.testing.assert_array_equal(entry.states, whole.states[150])
+    np.testing.assert_array_equal(entry.weights["w0"], whole.weights["w0"][150])
+    (models,) = other.weights("bench", [ids[7], ids[150]])
+    np.testing.assert_array_equal(models["w0"], whole.weights["w0"][[7, 150]])
+    assert other.load("bench", ()).ids[:200] == ids
+    assert 0 < bucket.fetched < 0.6 * size, "headers are the most of so small entries"
+    fetched = bucket.fetched
+    other.load_entry(ids[150])
+    assert bucket.fetched == fetched, "parts are kept"
+    with files_of(one) as root:
+        path = min((root / "shards").glob("*.safetensors"))
+        data = bytearray(path.read_bytes())
+        data[data.index(whole.weights["w0"][160].tobytes())] ^= 1
+        path.write_bytes(data)
+    with pytest.raises(CorruptError, match="not the one that was registered"):
+        faces().load_entry(ids[160])
+
+
+def test_writers_at_once_lose_nothing_and_keep_one_order(faces, robot):
+    writers = [faces() for _ in range(4)]
+    writers[0].put_robot(robot, ROBOT, "arm")
+    writers[0].put_population(make_population(40))
+    told, errors = set(), []
+
+    def write(number: int, registry: Registry) -> None:
+        try:
+            for step in range(4):
+                start = 4 * ((3 * number + step) % 10)  # some are put by several
+                told.update(registry.put_shard("bench", start, make_shard(start, start + 4)))
+                told.add(registry.put_result("diagnosis", None, {"step": step, "writer": number % 2}))
+                told.add(registry.put_recording(make_recording(step), ROBOT, f"run {step}"))
+        except Exception as error:
+            errors.append(error)
+
+    threads = [threading.Thread(target=write, args=one) for one in enumerate(writers)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not errors
+    reader = faces()
+    held = {*reader.load("bench", ()).ids, *reader.ids("result"), *(i.id for i in reader.recordings())}
+    assert told == held and len(reader.recordings()) == 4 and len(reader.ids("result")) == 8
+    report = verify(reader.path)
+    assert report.faults == () and report.leftovers == ()
+
+
+def test_a_claim_holds_against_every_machine_until_its_session_ends(faces, robot, stores, place):
+    one, other = faces(), faces()
+    one.put_robot(robot, ROBOT, "arm")
+    one.put_population(make_population(40))
+    with (
+        one.claim("bench", 0) as mine,
+        other.claim("bench", 0) as theirs,
+        other.claim("bench", 4) as next_one,
+    ):
+        assert (mine, theirs, next_one) == (True, False, True)
+    with other.claim("bench", 0) as mine:
+        assert mine
+    with pytest.raises(NoPlaceError), one.claim("bench", 0) as mine:
+        assert mine
+        stores.sql("postgres", _END_ALL.format(place))  # as when its machine is gone
+        with other.claim("bench", 0) as theirs:
+            assert theirs
+
+
+_END_ALL = (
+    "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname = '{}' AND pid <> pg_backend_pid()"
+)
+
+
+def test_a_put_that_the_server_broke_off_is_made_again(faces, robot, stores, place, monkeypatch):
+    registry, page, broken = faces(), Writing.page, []
+    registry.put_robot(robot, ROBOT, "arm")
+
+    def breaking(self: Writing):
+        if len(broken) < 2:
+            broken.append(self)
+            stores.sql("postgres", _END_ALL.format(place))
+        return page(self)
+
+    monkeypatch.setattr(Writing, "page", breaking)
+    monkeypatch.setattr(server, "PAUSES", (0.01,) * 3)
+    recording = registry.put_recording(make_recording(1), ROBOT, "first run")
+    assert len(broken) == 2 and registry.resolve("first run") == ("recording", recording)
+    assert verify(registry.path).faults == ()
+
+
+def test_a_writer_that_hangs_is_told_of(faces, monkeypatch):
+    one, other = faces(), faces()
+    short = {name: text.replace(f"{server.LOCK_SECONDS}s", "100ms") for name, text in server._BEGINS.items()}
+    monkeypatch.setattr(server, "_BEGINS", short)
+    with (
+        one.directory.catalog.write(),
+        pytest.raises(NoPlaceError, match="stayed locked .* wait for the other"),
+    ):
+        other.put_simulator({"a": 1})
+    assert other.put_simulator({"a": 1})
+
+
+def test_a_catalogue_that_is_lost_is_not_taken_for_an_empty_one(faces, robot, stores, place, tmp_path):
+    registry = faces()
+    fill(registry, robot)
+    content = registry.content_hash()
+    registry.close()
+    stores.sql("postgres", f"DROP DATABASE {place} WITH (FORCE)", f"CREATE DATABASE {place}")
+    with pytest.raises(CorruptError, match="verify --repair"):
+        Registry.open(registry.path)
+    with pytest.raises(RegistryError, match="whose catalogue is another one"):
+        Registry.share(tmp_path / "new", stores.catalog(place), stores.blobs(place))
+    verify(registry.path, repair=True)
+    with Registry.open(registry.path) as again:
+        assert again.content_hash() == content
+
+
+SECRET = "open-sesame"
+REFUSED = {
+    "server away": ("postgresql://lab@127.0.0.1:1/lab", None, NoPlaceError, "cannot be reached"),
+    "no such database": ("{lab}/nothing", None, NoPlaceError, "createdb nothing"),
+    "no such user": ("postgresql://nobody@{at}/{place}", None, NoPlaceError, "refuses this user"),
+    "wrong password": ("postgresql://locked@{at}/{place}", None, NoPlaceError, "PGPASSWORD"),
+    "password in the address": ("postgresql://lab:open-sesame@h/lab", None, UsageError, "PGPASSWORD"),
+    "another database": ("sqlite:///lab.db", None, UsageError, "none of PostgreSQL"),
+    "no such bucket": (
+        None,
+        "s3://nothing-there/x?{how}",
+        NoPlaceError,
+        "no bucket at 's3://nothing-there/x'",
+    ),
+    "key in the address": (None, "s3://key:open-sesame@b/x", UsageError, "AWS_SECRET_ACCESS_KEY"),
+    "no bucket": (None, "registry", UsageError, "s3://BUCKET/PREFIX"),
+    "odd option": (None, "s3://b/x?secret=open-sesame", UsageError, "'secret'"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_cannot_be_reached_is_told_in_one_line_without_a_secret(
+    case, stores, place, tmp_path, monkeypatch
+):
+    catalog, blobs, kind, says = REFUSED[case]
+    stores.sql("postgres", "DROP ROLE IF EXISTS locked", "CREATE ROLE locked LOGIN PASSWORD 'another'")
+    monkeypatch.setenv("PGPASSWORD", SECRET)
+    good_catalog, good_blobs = stores.catalog(place), stores.blobs(place)
+    at, how = f"127.0.0.1:{stores.port}", good_blobs.partition("?")[2]
+    told = (catalog or good_catalog).format(lab=good_catalog.rpartition("/")[0], at=at, place=place)
+    with pytest.raises(kind, match=says) as error:
+        Registry.share(tmp_path / "new", told, (blobs or good_blobs).format(how=how))
+    assert SECRET not in str(error.value) and "\n" not in str(error.value)
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_bucket_that_refuses_says_which_rights_are_wanted():
+    said = "When reading 'x' in bucket 'b': AWS Error ACCESS_DENIED during GetObject operation: Access Denied"
+    error = explained("s3://b/p?endpoint_override=h", "x", OSError(said))
+    assert isinstance(error, NoPlaceError) and "ACCESS_DENIED" in str(error) and "AWS_PROFILE" in str(error)
+
+
+def test_a_folder_that_is_something_else_is_refused(stores, place, tmp_path, robot):
+    good = stores.catalog(place), stores.blobs(place)
+    with pytest.raises(RegistryError, match="something else already"):
+        Registry.share(robot, *good)
+    Registry.share(tmp_path / "face", *good).close()
+    Registry.share(tmp_path / "face", *good).close()
+    with pytest.raises(RegistryError, match="a face of another registry"):
+        Registry.share(tmp_path / "face", good[0], good[1].replace("/robots", "/others"))
+    assert Path(tmp_path / "face" / "dynreg.json").read_text().count("postgresql://") == 1
