@@ -195,7 +195,8 @@ def main() -> None:
             bench = Bench(aibo.hidden(seed, material=False), robot, rules, given.threads)
             one_robot(bench, journal, ORDER[: given.points])
     show(journal.lines())
-    keep(FILE, head | {"cells": journal.lines()}, parser, given)
+    cells = [{k: v for k, v in line.items() if k not in ("handed", "simulator")} for line in journal.lines()]
+    keep(FILE, head | {"cells": cells}, parser, given)
 
 
 def one_robot(bench: Bench, journal: Journal, order: list[tuple[int, ...]]) -> None:
