@@ -198,9 +198,13 @@ class Catalog:
             number, before = page.number, sha256
 
     def _state(self) -> State:
-        """What changes when the catalogue or its ledger does: identities of their files."""
+        """What changes when the catalogue or its ledger does: identities of their files.
+
+        A log without a byte counts as none: SQLite makes one for whoever looks, and removes it with the last who leaves.
+        """
         root = self.path.parent
-        return tuple(identity_of(p) for p in (self.path, root / BESIDE[0], root / LEDGER))
+        catalog, log, ledger = (identity_of(p) for p in (self.path, root / BESIDE[0], root / LEDGER))
+        return catalog, log if log and log[1] else None, ledger
 
 
 def _of_tables(names: list[str]) -> list[str]:

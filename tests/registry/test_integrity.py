@@ -470,3 +470,18 @@ def test_nothing_is_put_into_a_catalogue_that_was_changed(work):
         with pytest.raises(CorruptError, match="changed from outside"):
             with registry.directory.catalog.write() as writing:
                 writing.remove(tables.results)
+
+
+def test_a_catalogue_that_nobody_else_writes_is_compared_with_its_seals_once(registry, monkeypatch):
+    """So a put costs the same however much is there."""
+    registry.put_simulator({"a": 0})
+    looked = []
+    monkeypatch.setattr("dynreg.registry.catalog.broken_seals", lambda _: looked.append(1) or [])
+    for number in range(1, 4):
+        registry.put_simulator({"a": number})
+        assert len(registry.ids("simulator")) == number + 2
+    assert not looked
+    with sqlite3.connect(registry.path / "catalog.sqlite") as connection:
+        connection.execute("UPDATE robots SET name = name")
+    registry.put_simulator({"a": 9})
+    assert looked, "somebody else has written"

@@ -197,7 +197,7 @@ def test_lost_catalogue_is_written_anew_from_the_files(registry, how):
     lose_catalogue(registry, how)
     with pytest.raises(CorruptError, match="repair"):
         Registry.open(path)
-    assert [f.kind for f in verify(path).faults] == ["catalog"]
+    assert verify(path).faults[0].kind == "catalog"
     verify(path, repair=True)
     assert verify(path).faults == ()
     with Registry.open(path) as registry:
