@@ -3,6 +3,7 @@
 import shutil
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -136,6 +137,18 @@ def test_the_threshold_of_a_diagnosis_is_found_elsewhere_with_the_same_numbers(
         (problem, here) = run(_threshold(asked, options, None))
         (_, there) = run(_threshold(asked, options, nulls))
     assert there == here and nulls.rollouts > 0 and problem.terms
+
+
+def test_a_single_worker_has_its_work_too(
+    tmp_path: Path, registry_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Who asks for workers does not get the answer of this process, however few they are."""
+    executor = Lossy(workers=1)
+    monkeypatch.setattr("dynreg.executor.opened", lambda *_: nullcontext(executor))
+    with session.open(shutil.copytree(registry_folder, tmp_path / "copy")) as opened_here:
+        how = {"effects": ("coulomb_friction",), "windows": 2, "threshold_runs": 2, "threads": 1}
+        opened_here.diagnose("bench", **how)
+    assert sorted(executor.done) == [0, 1]
 
 
 def _threshold(
