@@ -50,7 +50,7 @@ class _Ray:
         try:
             version, answer = self.ray.get(task)
         except broken.RayTaskError as error:  # no error of ours: a bug, or what the machine refuses
-            raise error.cause from None
+            raise error.cause from error
         except broken.RayError as error:
             raise ExecutorError(
                 f"Ray lost the worker of a job each time that it tried: {type(error).__name__}",
@@ -74,11 +74,12 @@ def _task() -> Callable[[str, str, Job], tuple[str | None, Answer | None]]:
 
         os.environ.setdefault("MUJOCO_GL", "disable")  # as the command has it: no job draws
         try:
-            there, worker = import_module("dynreg").__version__, import_module("dynreg.executor.executor")
+            there = import_module("dynreg").__version__
         except ImportError:
             return None, None
-        if there != version:
+        if there != version:  # an older one may lack what is imported next
             return there, None
+        worker = import_module("dynreg.executor.executor")
         module, _, function = name.partition(":")
         return there, worker.answer(getattr(import_module(module), function), job)
 
