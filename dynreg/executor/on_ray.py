@@ -90,10 +90,17 @@ def _task() -> Callable[[str, str, Job], tuple[str | None, Answer | None]]:
 def connected(address: str | None, threads: int) -> Iterator[Executor]:
     """Ray at this address, else at RAY_ADDRESS, else started on this machine; a connection that is there stays.
 
-    Raises UsageError where ray is not installed, ExecutorError where no cluster answers.
+    Raises UsageError where ray is not installed, and for an address beside a connection; ExecutorError where no cluster
+    answers.
     """
     ray = _imported()
     if ray.is_initialized():
+        if address is not None:
+            raise UsageError(
+                f"address {address!r} in a process that is connected to Ray",
+                expected="no address: the work goes where the connection leads",
+                do="leave the address out, or call ray.shutdown() first",
+            )
         yield _on(ray, threads)
         return
     where = address or os.environ.get(ADDRESS) or OWN

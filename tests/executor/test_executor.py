@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import jobs
 import numpy as np
@@ -89,6 +90,13 @@ def test_without_ray_a_command_says_what_to_install(line, monkeypatch: pytest.Mo
 def test_an_address_belongs_to_ray(line) -> None:
     status, said = line("--address", "127.0.0.1:6379")
     assert status == 2 and "'127.0.0.1:6379' without executor 'ray'" in said and "--executor ray" in said
+
+
+def test_an_address_is_not_passed_over_where_ray_is_connected(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "ray", SimpleNamespace(is_initialized=lambda: True))
+    with pytest.raises(UsageError, match="'127.0.0.1:6379' in a process that is connected to Ray"):
+        with opened("ray", "127.0.0.1:6379"):
+            pass
 
 
 def test_an_unknown_executor_is_refused(line) -> None:
