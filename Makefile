@@ -36,7 +36,7 @@ help:
 	@echo 'make test-stores  the tests of the registry, over PostgreSQL and a stand-in for S3 (minutes)'
 	@echo 'make test-loaders  exported datasets, read by other projects in an environment of their own (1.6 GB)'
 	@echo 'make test-ray    work on workers of Ray, in an environment of its own (70 MB)'
-	@echo 'make slow        the longer runs, these three included'
+	@echo 'make slow        the longer runs, these four included'
 	@echo 'make fuzz        odd inputs for every reader; SECONDS=3600 TARGETS=mcap,csv JOBS=2, findings under .fuzz/'
 	@echo 'make golden      writes tests/golden anew (CASES=drift: some), where an answer changes on purpose'
 	@echo 'make bench       every benchmark; results under benchmarks/results/'

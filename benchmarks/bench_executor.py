@@ -8,7 +8,6 @@ and compiled what they need (told apart, as `start`). The last run kills a worke
 """
 
 import argparse
-import json
 import os
 import signal
 import tempfile
@@ -19,6 +18,9 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from kept import keep
+from naming import RESULTS
+
 from dynreg.distance.population import Training
 from dynreg.executor import Executor, Local, opened
 from dynreg.neighbours.entries import Stopwatch
@@ -26,7 +28,6 @@ from dynreg.registry import Registry, verify
 from dynreg.sim.robot import load_robot
 from dynreg.verbs.populations import Plan, begin, fill
 
-HERE = Path(__file__).parent
 ROBOT, SEED, EMPTY = "servo_pendulum", 0, 300
 QUICK = Training(epochs=1, base_configurations=4, base_epochs=1)  # of the population that warms workers up
 
@@ -106,10 +107,11 @@ def _kill_at_half(path: Path, identity: str, n: int, killed: list[int]) -> None:
     with Registry.open(path) as registry:
         while registry.count(identity) < n // 2:
             time.sleep(0.05)
-    for process in _busy():
+        while not (busy := _busy()) and registry.count(identity) < n:
+            time.sleep(0.01)
+    for process in busy[:1]:
         os.kill(process, signal.SIGKILL)
         killed.append(process)
-        return
 
 
 def _busy() -> list[int]:
@@ -175,8 +177,9 @@ def main() -> None:
         "overhead_a_shard": over,
         "runs": [asdict(r) for r in runs],
     }
-    (HERE / "results").mkdir(exist_ok=True)
-    (HERE / "results" / "executor.json").write_text(json.dumps(told, indent=1) + "\n")
+    keep(RESULTS / "executor.json", told, parser, given)
+    if not all(run.clean and run.content == alone.content for run in runs) or not runs[-1].killed:
+        raise SystemExit("a run left other bytes or faults, or no worker was killed")
 
 
 if __name__ == "__main__":

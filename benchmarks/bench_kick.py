@@ -11,9 +11,11 @@ are 12 of them (80 %, as in the paper's second run). Points that are left unsolv
 beside them by then, of one iteration: in it a kick counts by the worse of two simulators, the adapted one and one
 beside it.
 
-A point counts as solved where three new trials, which no choice has seen, stand and reach `SOLVED` in the mean. What is
-not solved is filled from its neighbours. Between the points, kicks are interpolated and tried once each. Every finished
-point is a line of the journal; a second start goes on. Sizes that the paper does not give are our own choice.
+A point counts as solved where three new trials, which no search has seen, stand and reach `SOLVED` in the mean. After
+a second run the better of both threes counts, so that such points have two chances. These trials are no part of the
+count of trials. What is not solved is filled from its neighbours. Between the points, kicks are interpolated and tried
+once each. Every finished point is a line of the journal; a second start goes on. Sizes that the paper does not give
+are our own choice.
 """
 
 import argparse

@@ -230,13 +230,13 @@ def summary(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def mean(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """Means of all numbers of rows that are alike, however deep; `n` and names are left out."""
+    """Means of all numbers, however deep, each over the rows that have it; `n` and names are left out."""
     out: dict[str, Any] = {}
-    for key, value in rows[0].items():
-        column = [row[key] for row in rows]
-        if isinstance(value, dict):
+    for key in dict.fromkeys(key for row in rows for key in row):
+        column = [row[key] for row in rows if key in row]
+        if isinstance(column[0], dict):
             out[key] = mean(column)
-        elif isinstance(value, int | float) and key != "n":
+        elif isinstance(column[0], int | float) and key != "n":
             out[key] = float(np.mean(column))
     return out
 

@@ -1,5 +1,7 @@
 """What came of the points of paper B's kick: which are solved, after one run or two, and how they are counted."""
 
+from collections.abc import Iterator
+
 import kicking
 import numpy as np
 from kicking import goal_of
@@ -9,6 +11,7 @@ from dynreg.adapt.tried import Reached
 
 SOLVED = 0.1  # m, in a trial's score: the ball rolls for more than its diameter where it was aimed
 LEVELS = (0.1, 0.2, 0.3)  # m, at which points are counted
+RUNS = {"point": "first run", "second": "second run"}
 COSTS = ("trials", "falls", "rollouts", "core seconds")
 
 
@@ -64,8 +67,24 @@ def goals_of(done: dict[tuple[int, ...], dict]) -> Goals:
     return Goals(kicking.AXES, gaits)
 
 
+def found_again(lines: list[dict]) -> Iterator[str]:
+    """How many kicks scored half of what the simulator said, by run and iteration, and what adaptations left."""
+    kicks, left = [], []
+    for line in lines:
+        for number, simulated, scores in line["tried"]:
+            real = 0.0 if None in scores else float(np.mean(scores))
+            kicks.append((f"{RUNS[line['step']]}, iteration {number}", real >= 0.5 * simulated))
+        left += [after / before for made, before, after in line["versions"] if made == "adapted"]
+    for name in ["all", *dict.fromkeys(name for name, _ in kicks)]:
+        half = [again for one, again in kicks if name in ("all", one)]
+        if half:
+            yield f"{name}: {len(half)} kicks tried, {np.mean(half):.0%} score half of what the simulator said"
+    if left:
+        yield f"{len(left)} adaptations: {np.median(left):.0%} of the difference is left in the median"
+
+
 def show(lines: list[dict]) -> None:
-    """Print the points of every robot and their count."""
+    """Print the points of every robot and their count, and how much of the simulator is found on the robot."""
     for seed in dict.fromkeys(line["robot"] for line in lines):
         own = [*points_of(lines, seed).values()]
         total = lambda key: sum(line[key] for line in own)  # noqa: E731, B023
@@ -81,6 +100,8 @@ def show(lines: list[dict]) -> None:
             )
         counts = ", ".join(f"{sum(reached(line, least) for line in own)} by {least} m" for least in LEVELS)
         print(f"  solved: {counts}; {total('rollouts')} simulated kicks, {total('core seconds'):.0f} core s")
+        for said in found_again([one for one in lines if one["robot"] == seed and one["step"] in RUNS]):
+            print(f"  {said}")
         for line in lines:
             if line["robot"] == seed and line["step"] == "between":
                 for kind in ("interpolated", "nearest"):

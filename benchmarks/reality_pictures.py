@@ -26,8 +26,8 @@ NAMES = {
     "roulette": "GA of paper B",
     "genetic": "GA of paper A",
     "hill": "hill climber",
+    "policy": "policy gradient",
 }
-NAMES |= {"policy": "policy gradient"}
 
 
 def lines(path: Path) -> list[dict]:

@@ -145,7 +145,10 @@ def _postgres(programs: Path, folder: Path) -> Iterator[int]:
         )
     try:
         _wait_for(port, server)
-        while subprocess.run([programs / "pg_isready", "-h", "127.0.0.1", "-p", str(port)], **run).returncode:
+        ready = [programs / "pg_isready", "-h", "127.0.0.1", "-p", str(port)]
+        while subprocess.run(ready, **run).returncode:
+            if server.poll() is not None:
+                raise RuntimeError(f"PostgreSQL ended with status {server.poll()}")
             time.sleep(0.05)
         yield port
     finally:

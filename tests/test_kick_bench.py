@@ -50,12 +50,17 @@ def test_a_point_is_solved_by_new_trials_that_all_stand_and_reach_it_in_the_mean
 
 def test_points_are_counted_and_told(capsys) -> None:
     cost = {"trials": 4, "falls": 1, "rollouts": 10, "core seconds": 1.0}
-    told = {"robot": 1, "step": "point", **cost}
+    tried = [(1, 0.2, [0.1, 0.2, 0.0]), (1, 0.2, [0.3, None]), (2, 0.2, [0.09])]
+    made = [("start", None, None), ("adapted", 0.4, 0.1)]
+    told = {"robot": 1, "step": "point", "tried": tried, "versions": made, **cost}
     rows = [told | {"at": at} | line(*[0.01 * i] * 3) for i, at in enumerate(ORDER)]
     show(rows)
     text = capsys.readouterr().out
     assert "30 points, 120 trials, 30 of them falls" in text
     assert "solved: 20 by 0.1 m, 10 by 0.2 m, 0 by 0.3 m" in text
+    assert "all: 90 kicks tried, 33% score half of what the simulator said" in text
+    assert "first run, iteration 1: 60 kicks tried, 50%" in text and "iteration 2: 30 kicks tried, 0%" in text
+    assert "30 adaptations: 25% of the difference is left in the median" in text
 
 
 def test_a_second_run_counts_both_costs_and_keeps_the_better_kick() -> None:

@@ -60,8 +60,15 @@ class Goals:
     def at(self, goal: Sequence[float]) -> np.ndarray:
         """(G,) the gait of a goal anywhere in the grid, linear in each coordinate between the points around it.
 
-        NaN where one of these is not solved. Raises UsageError outside the grid.
+        NaN where one of these is not solved. Raises UsageError outside the grid, and for a goal without a coordinate on
+        each axis.
         """
+        if len(goal) != len(self.axes):
+            raise UsageError(
+                f"a goal of {len(goal)} coordinates",
+                expected=f"{len(self.axes)}, one on each axis",
+                do="correct the goal",
+            )
         low, share = zip(*(_cell(axis, x) for axis, x in zip(self.axes, goal, strict=True)), strict=True)
         out = np.zeros(self.gaits.shape[-1])
         for corner in product((0, 1), repeat=len(low)):

@@ -290,7 +290,10 @@ class _Run:
 
 
 class _Until:
-    """A search that has ended by itself once a loss is as low as `target`."""
+    """A search that has ended once a loss is as low as `target`, and by nothing else.
+
+    CMA-ES itself would end where all of a generation fall.
+    """
 
     middle = None
 

@@ -50,7 +50,7 @@ class _Ray:
         try:
             version, answer = self.ray.get(task)
         except broken.RayTaskError as error:  # no error of ours: a bug, or what the machine refuses
-            raise error.cause from None
+            raise error.cause from error
         except broken.RayError as error:
             raise ExecutorError(
                 f"Ray lost the worker of a job each time that it tried: {type(error).__name__}",
@@ -74,11 +74,12 @@ def _task() -> Callable[[str, str, Job], tuple[str | None, Answer | None]]:
 
         os.environ.setdefault("MUJOCO_GL", "disable")  # as the command has it: no job draws
         try:
-            there, worker = import_module("dynreg").__version__, import_module("dynreg.executor.executor")
+            there = import_module("dynreg").__version__
         except ImportError:
             return None, None
-        if there != version:
+        if there != version:  # an older one may lack what is imported next
             return there, None
+        worker = import_module("dynreg.executor.executor")
         module, _, function = name.partition(":")
         return there, worker.answer(getattr(import_module(module), function), job)
 
@@ -89,10 +90,17 @@ def _task() -> Callable[[str, str, Job], tuple[str | None, Answer | None]]:
 def connected(address: str | None, threads: int) -> Iterator[Executor]:
     """Ray at this address, else at RAY_ADDRESS, else started on this machine; a connection that is there stays.
 
-    Raises UsageError where ray is not installed, ExecutorError where no cluster answers.
+    Raises UsageError where ray is not installed, and for an address beside a connection; ExecutorError where no cluster
+    answers.
     """
     ray = _imported()
     if ray.is_initialized():
+        if address is not None:
+            raise UsageError(
+                f"address {address!r} in a process that is connected to Ray",
+                expected="no address: the work goes where the connection leads",
+                do="leave the address out, or call ray.shutdown() first",
+            )
         yield _on(ray, threads)
         return
     where = address or os.environ.get(ADDRESS) or OWN

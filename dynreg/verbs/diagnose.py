@@ -226,12 +226,12 @@ def _nulls(
     asked: "Recorded", settings: DiagnoseSettings, start: "SimConfig | None"
 ) -> "Iterator[HandedOut | None]":
     """What computes the threshold's robots elsewhere, for the length of a block; None where this process does it."""
-    from dynreg.executor import opened
+    from dynreg.executor import Local, opened
     from dynreg.verbs.nulls import HandedOut, null_of_diagnosis
     from dynreg.verbs.plain import plain_recording, plain_robot
 
     with opened(settings.executor, settings.address, settings.threads) as executor:
-        if executor.workers == 1 or not settings.threshold_runs:
+        if isinstance(executor, Local) or not settings.threshold_runs:
             yield None
             return
         job = {

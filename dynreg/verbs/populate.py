@@ -56,7 +56,8 @@ def populate(
 
     With `dry_run` a few simulators are made in a temporary folder, and tell what those that are missing would cost.
 
-    Raises UsageError where n is below 1, and where only one of `effects` and `like` is given.
+    Raises UsageError where n is below 1, where only one of `effects` and `like` is given, and for settings of which one
+    would do nothing beside the other.
     """
     if n < 1:
         raise UsageError(f"{n} simulators", expected="at least 1", do="ask for more, such as -n 1000")
@@ -73,6 +74,13 @@ def populate(
             "--dry-run with --effects",
             expected="one of them",
             do="leave --dry-run out: such populations are small",
+        )
+    if settings.relink and (settings.effects or settings.dry_run or not settings.link):
+        other = "--effects" if settings.effects else "--dry-run" if settings.dry_run else "--no-link"
+        raise UsageError(
+            f"--relink with {other}",
+            expected="one of them: with the other no search graph is built",
+            do=f"leave --relink or {other} out",
         )
     if settings.effects:
         return with_effects(registry, robot, n, settings, progress)

@@ -82,7 +82,7 @@ def trial(asked: "Built", settings: TrialSettings, progress: Progress | None = N
     Example: dynreg trial servo_pendulum --effect load_friction --size weak -n 10
     """
     from dynreg.diagnose.trial import trial_threshold
-    from dynreg.executor import opened
+    from dynreg.executor import Local, opened
     from dynreg.results.trials import TrialResult, TrialTable
     from dynreg.verbs.nulls import HandedOut, null_of_trials
     from dynreg.verbs.plain import plain_robot
@@ -91,7 +91,7 @@ def trial(asked: "Built", settings: TrialSettings, progress: Progress | None = N
     told = {"robot": plain_robot(asked.robot), "settings": vars(settings)}
     with opened(settings.executor, settings.address, settings.threads) as executor:
         told["threads"] = executor.threads
-        nulls = HandedOut(executor, null_of_trials, told) if executor.workers > 1 else None
+        nulls = None if isinstance(executor, Local) else HandedOut(executor, null_of_trials, told)
         trials = trials_of(asked.robot, settings, executor.threads)
         needed = trial_threshold(trials, asked.registry, progress, nulls)
         size = min(TOGETHER, -(-many // executor.workers))

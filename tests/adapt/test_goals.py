@@ -78,6 +78,11 @@ def test_goals_outside_the_grid_are_refused(goal: list[float]) -> None:
         Goals(AXES, drawn()).at(goal)
 
 
+def test_a_goal_has_a_coordinate_on_each_axis() -> None:
+    with pytest.raises(UsageError, match="a goal of 2 coordinates; expected 3, one on each axis"):
+        Goals(AXES, drawn()).at([0.14, 0.0])
+
+
 @pytest.mark.parametrize("axes", [AXES[:2], (AXES[0][::-1], *AXES[1:]), (AXES[0][:1], *AXES[1:])])
 def test_a_grid_that_does_not_fit_is_refused(axes: tuple) -> None:
     with pytest.raises(UsageError, match="two or more rising values"):

@@ -225,6 +225,18 @@ def test_the_search_for_gaits_ends_once_one_scores_enough_in_the_simulator() -> 
     assert len(asked) < rules.first and asked[-1] >= 0.8 > max(asked[:-1])
 
 
+def test_a_generation_that_falls_in_the_simulator_does_not_end_the_search_for_gaits() -> None:
+    asked = []
+
+    def play(gaits: np.ndarray, simulators: np.ndarray) -> np.ndarray:
+        asked.append(len(gaits))
+        return np.zeros((len(simulators), len(gaits)))
+
+    rules = replace(SMALL, iterations=1, first=8, search="cma", steps=0)
+    run(Robot(), rules, play=play, gaits=np.empty((0, 4)))
+    assert asked == [rules.gaits] * rules.first
+
+
 def test_with_more_simulators_a_gait_counts_by_the_worst_and_one_that_is_good_in_one_alone_is_not_taken() -> (
     None
 ):

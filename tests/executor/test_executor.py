@@ -3,8 +3,10 @@
 import shutil
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import jobs
 import numpy as np
@@ -90,6 +92,13 @@ def test_an_address_belongs_to_ray(line) -> None:
     assert status == 2 and "'127.0.0.1:6379' without executor 'ray'" in said and "--executor ray" in said
 
 
+def test_an_address_is_not_passed_over_where_ray_is_connected(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "ray", SimpleNamespace(is_initialized=lambda: True))
+    with pytest.raises(UsageError, match="'127.0.0.1:6379' in a process that is connected to Ray"):
+        with opened("ray", "127.0.0.1:6379"):
+            pass
+
+
 def test_an_unknown_executor_is_refused(line) -> None:
     status, said = line("--executor", "slurm")
     assert status == 2 and "local, ray" in said
@@ -136,6 +145,18 @@ def test_the_threshold_of_a_diagnosis_is_found_elsewhere_with_the_same_numbers(
         (problem, here) = run(_threshold(asked, options, None))
         (_, there) = run(_threshold(asked, options, nulls))
     assert there == here and nulls.rollouts > 0 and problem.terms
+
+
+def test_a_single_worker_has_its_work_too(
+    tmp_path: Path, registry_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Who asks for workers does not get the answer of this process, however few they are."""
+    executor = Lossy(workers=1)
+    monkeypatch.setattr("dynreg.executor.opened", lambda *_: nullcontext(executor))
+    with session.open(shutil.copytree(registry_folder, tmp_path / "copy")) as opened_here:
+        how = {"effects": ("coulomb_friction",), "windows": 2, "threshold_runs": 2, "threads": 1}
+        opened_here.diagnose("bench", **how)
+    assert sorted(executor.done) == [0, 1]
 
 
 def _threshold(

@@ -27,3 +27,10 @@ def test_a_new_population_needs_a_base_model_too(tmp_path):
         assert opened.registry.populations() == () and opened.registry.robots() == {}
         with pytest.raises(UsageError, match="--dry-run with --effects"):
             opened.populate("servo_pendulum", 50, effects=True, like="log", dry_run=True)
+        for name, other in {
+            "--no-link": {"link": False},
+            "--dry-run": {"dry_run": True},
+            "--effects": {"effects": True, "like": "log"},
+        }.items():
+            with pytest.raises(UsageError, match=f"--relink with {name}"):
+                opened.populate("servo_pendulum", 50, relink=True, **other)
