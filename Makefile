@@ -23,7 +23,7 @@ SEED ?= 0
 JOBS ?= $(shell n=$$(getconf _NPROCESSORS_ONLN 2>/dev/null || echo 1); echo $$((n < 4 ? n : 4)))
 SPREAD := -n $(JOBS) --dist worksteal
 
-.PHONY: help env demo docs reference pages notebooks test test-wheel test-stores test-loaders test-ray slow fuzz golden bench $(BENCHES) lint clean
+.PHONY: help env server demo docs reference pages notebooks test test-wheel test-stores test-loaders test-ray slow fuzz golden bench $(BENCHES) lint clean
 
 help:
 	@echo 'make demo        from an empty registry to the cause that a real (or simulated) servo hides, and its page'
@@ -47,9 +47,6 @@ help:
 
 env: $(STAMP)
 
-# Tests of shared registries start a server of their own.
-GET_POSTGRES := (apt-get update -q && DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends postgresql)
-
 # hnswlib has no wheel, so it needs a C++ compiler; exact search serves where it cannot be built.
 $(STAMP): pyproject.toml constraints.txt
 	@if [ -z "$(PYTHON)" ]; then \
@@ -62,9 +59,6 @@ $(STAMP): pyproject.toml constraints.txt
 	@$(PIP) -e '.[dev]'
 	@$(PIP) -e '.[hnsw]' >$(VENV)/hnswlib.log 2>&1 \
 	    || echo 'hnswlib could not be built (it needs a C++ compiler; see $(VENV)/hnswlib.log): exact search serves'
-	@ls /usr/lib/postgresql/*/bin/initdb >/dev/null 2>&1 || command -v initdb >/dev/null \
-	    || { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && $(GET_POSTGRES) >$(VENV)/postgresql.log 2>&1; } \
-	    || echo 'no PostgreSQL server (Debian: apt-get install postgresql): tests of shared registries are skipped'
 	@touch $@
 
 demo: $(STAMP)
@@ -84,9 +78,16 @@ pages: reference
 notebooks: $(STAMP)
 	@$(BIN)/python tests/executed_notebooks.py $(NOTEBOOKS)
 
+# Tests of shared registries start a server of their own; where its programs are missing, root gets them from Debian.
+GET_POSTGRES := (apt-get update -q && DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends postgresql)
+server: $(STAMP)
+	@ls /usr/lib/postgresql/*/bin/initdb >/dev/null 2>&1 || command -v initdb >/dev/null \
+	    || { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && $(GET_POSTGRES) >$(VENV)/postgresql.log 2>&1; } \
+	    || echo 'no PostgreSQL server (Debian: apt-get install postgresql): tests of shared registries are skipped'
+
 # Tests are kept compiled, whatever the environment says: each process would else rewrite all of them (10 s).
 test: export PYTHONDONTWRITEBYTECODE :=
-test: $(STAMP)
+test: $(STAMP) server
 	@$(BIN)/python -m pytest $(SPREAD) $(ARGS)
 
 test-wheel: $(STAMP)
@@ -94,7 +95,7 @@ test-wheel: $(STAMP)
 
 # Both processes start servers of their own.
 test-stores: export PYTHONDONTWRITEBYTECODE :=
-test-stores: $(STAMP)
+test-stores: $(STAMP) server
 	@$(BIN)/python -m pytest $(SPREAD) tests/registry --store shared $(ARGS)
 
 # Hugging Face, DuckDB, Minari and LeRobot read what dynreg exports; they share no environment with it.
