@@ -23,7 +23,7 @@ SEED ?= 0
 JOBS ?= $(shell n=$$(getconf _NPROCESSORS_ONLN 2>/dev/null || echo 1); echo $$((n < 4 ? n : 4)))
 SPREAD := -n $(JOBS) --dist worksteal
 
-.PHONY: help env demo docs reference pages notebooks test test-wheel test-stores test-loaders slow fuzz golden bench $(BENCHES) lint clean
+.PHONY: help env demo docs reference pages notebooks test test-wheel test-stores test-loaders test-ray slow fuzz golden bench $(BENCHES) lint clean
 
 help:
 	@echo 'make demo        from an empty registry to the cause that a real (or simulated) servo hides, and its page'
@@ -35,7 +35,8 @@ help:
 	@echo 'make test-wheel  the tests that need no checkout, on the wheel in an environment of its own'
 	@echo 'make test-stores  the tests of the registry, over PostgreSQL and a stand-in for S3 (minutes)'
 	@echo 'make test-loaders  exported datasets, read by other projects in an environment of their own (1.6 GB)'
-	@echo 'make slow        the longer runs, that one included'
+	@echo 'make test-ray    work on workers of Ray, in an environment of its own (70 MB)'
+	@echo 'make slow        the longer runs, these three included'
 	@echo 'make fuzz        odd inputs for every reader; SECONDS=3600 TARGETS=mcap,csv JOBS=2, findings under .fuzz/'
 	@echo 'make golden      writes tests/golden anew (CASES=drift: some), where an answer changes on purpose'
 	@echo 'make bench       every benchmark; results under benchmarks/results/'
@@ -108,8 +109,23 @@ $(LOADERS)/ready: tests/loaders/requirements.txt tests/loaders/lerobot.txt const
 test-loaders: $(STAMP) $(LOADERS)/ready
 	@$(BIN)/python -m pytest -m slow -s tests/loaders $(ARGS)
 
+# Ray beside what .venv holds: `make test` needs none of it.
+RAY := .venv-ray
+$(RAY)/ready: constraints.txt | $(STAMP)
+	@echo "installing into $(RAY) (a minute)"
+	@$(BIN)/python -m venv --clear $(RAY)
+	@there=$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))'); \
+	echo "import site; site.addsitedir('$$there')" \
+	    > $$($(RAY)/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/beside.pth
+	@$(subst $(BIN),$(RAY)/bin,$(PIP)) -e '.[ray]'
+	@touch $@
+
+test-ray: $(RAY)/ready
+	@$(RAY)/bin/python -m pytest -m 'slow or not slow' tests/executor $(ARGS)
+
 slow: $(STAMP) test-stores
 	@$(BIN)/python -m pytest -m slow $(ARGS)
+	@$(if $(ARGS),,$(MAKE) --no-print-directory test-ray)
 
 # Goes on where the last run of the same SEED ended; tests/fuzz/run.py --help has the rest.
 fuzz: $(STAMP)
@@ -126,7 +142,10 @@ bench: $(STAMP)
 $(BENCHES): bench-%: $(STAMP)
 	@mkdir -p benchmarks/results
 	@echo "== benchmarks/bench_$*.py"
-	@$(BIN)/python benchmarks/bench_$*.py $(ARGS)
+	@$(or $(BESIDE),$(BIN))/python benchmarks/bench_$*.py $(ARGS)
+
+bench-executor: BESIDE := $(RAY)/bin
+bench-executor: $(RAY)/ready
 
 lint: $(STAMP)
 	@$(BIN)/ruff check .
@@ -134,5 +153,5 @@ lint: $(STAMP)
 	@$(BIN)/lint-imports
 
 clean:
-	rm -rf $(VENV) $(LOADERS) build dist demo site *.egg-info .benchmarks .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf $(VENV) $(LOADERS) $(RAY) build dist demo site *.egg-info .benchmarks .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

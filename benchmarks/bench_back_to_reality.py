@@ -91,7 +91,8 @@ class Tape:
         size = np.array([[DISTURBANCE * largest_drive(self.robot)]])
         active = Terms((*terms, disturbance(truth)), (*(v[None] for v in values), size))
         parameters = self.hidden.values(self.robot.space)[None]
-        walk = Arena(truth, parameters, run, terms=active, threads=self.threads).walk(run)
+        told = {"terms": active, "threads": self.threads, "laid": self.task.laid()}
+        walk = Arena(truth, parameters, run, **told).walk(run)
         fell = walk.fell[0, 0] < walk.base.shape[2]
         return None if fell else float(fitness(self.task.grade(walk))[0, 0])
 

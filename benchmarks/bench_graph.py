@@ -19,7 +19,8 @@ from index_measure import METHODS, Measured, by_graph, by_landmarks, measure_gra
 from landmarks import build_landmarks, refine, search_landmarks
 
 import dynreg
-from dynreg.distance.population import cross_loss
+from dynreg.distance.cross_loss import CrossLoss
+from dynreg.distance.population import judged_entries
 from dynreg.index import GraphSettings, build
 from dynreg.models.mlp import stack_of
 from dynreg.neighbours.entries import make_entries
@@ -56,14 +57,16 @@ TRIED = {
 def distances(reg, population: str, count: int) -> np.ndarray:
     """(count, count) cross-losses between quadrupeds, those beyond the registered ones made on the way."""
     held = load_population(reg.registry, population, states=True)
-    entries, stack = held.entries, held.stack
+    entries, stack = held.entries, held.stack[np.arange(len(held))]
     states = [entries.states[:count]]
     for first in range(len(held), count, 100):
         more = make_entries(held.shared, np.arange(first, min(first + 100, count)))
         states.append(more.states)
         stack = stack_of([stack, more.stack])
         print(f"  {min(first + 100, count)} simulated and trained", flush=True)
-    return cross_loss(held.shared, np.concatenate(states), stack[np.arange(count)]).matrix()
+    stack = stack[np.arange(count)]
+    judged = judged_entries(held.shared, np.concatenate(states), stack)
+    return CrossLoss(stack, judged.inputs, judged.targets, judged.own).matrix()
 
 
 def main() -> None:

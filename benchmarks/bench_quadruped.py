@@ -25,7 +25,7 @@ from dynreg.rng import stream
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
 from dynreg.sim.run import Run
-from dynreg.verbs.populations import load_graph, load_population
+from dynreg.verbs.populations import load_population
 from dynreg.verbs.query import QuerySettings, query
 from dynreg.verbs.subjects import Recorded
 
@@ -45,7 +45,7 @@ def measure(registry, population, hidden: Hidden, kind: str, budget: int | None)
     random = stream(hidden.seed, "random", hidden.number).permutation(len(population))[:25]
     chosen["random"] = population.entries.values[random]
     chosen["itself"] = hidden.values[None, : len(robot.space)]
-    known, graph = known_values(robot, log), load_graph(registry, population.id, population.entries.ids)
+    known = known_values(robot, log)
     replayer = Replayer(robot, windows(robot, log))
     every = np.arange(len(replayer.windows))
     replayed = lambda unit: replay_errors(  # noqa: E731
@@ -54,7 +54,7 @@ def measure(registry, population, hidden: Hidden, kind: str, budget: int | None)
     for distance in RETRIEVED:
         if distance == "trajectory" and kind == "own":
             continue
-        found = retrieve(DistanceQuery(population, log, replayed, known, graph=graph), distance)
+        found = retrieve(DistanceQuery(population, log, replayed, known, wanted=5), distance)
         chosen[distance] = population.entries.values[found.ranked.order[:5]]
     began = time.perf_counter()
     answer = query(
@@ -68,7 +68,7 @@ def measure(registry, population, hidden: Hidden, kind: str, budget: int | None)
     made = {name: p.value for name, p in answer.synthesised.parameters.items()}
     chosen["synthesised"] = robot.space.from_dict(made)[None]
     chosen["answer"] = robot.space.from_dict(answer.answer_parameters)[None]
-    errors = _errors(population, hidden, chosen)
+    errors = errors_of(population, hidden, chosen)
     scale = errors["random"]
     return {k: v / scale for k, v in errors.items()} | {
         "seconds": seconds,
@@ -78,7 +78,8 @@ def measure(registry, population, hidden: Hidden, kind: str, budget: int | None)
     }
 
 
-def _errors(population, hidden: Hidden, chosen: dict[str, np.ndarray]) -> dict[str, float]:
+def errors_of(population, hidden: Hidden, chosen: dict[str, np.ndarray]) -> dict[str, float]:
+    """Rollout error of each that was `chosen`, parameters (n, P), and of the robot itself, on unseen commands."""
     robot = population.shared.robot
     commands = unseen_commands(robot, hidden)
     truth = hidden.run(commands, "test")
@@ -129,7 +130,7 @@ def main() -> None:
     with dynreg.open(given.registry) as reg:
         summary = reg.populate("quadruped", given.entries)
         print(f"{summary.entries} entries ({summary.added} added in {summary.seconds:.0f} s)", flush=True)
-        population = load_population(reg.registry, summary.population, states=True)
+        population = load_population(reg.registry, summary.population, states=True, judged=True)
         results = json.loads(FILE.read_text()) if FILE.exists() and not given.tune else {}
         for family in given.only:
             robots = hidden_robots(

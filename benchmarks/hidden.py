@@ -89,9 +89,11 @@ def hidden_robots(robot: Robot, n: int, seed: int, *, outside: bool = False) -> 
     if outside:
         space = ParameterSpace(space.parameters + OUTSIDE)
         truth = replace(robot, space=space)
+    values, noise = space.sample(0, n, seed), 5.0 if outside else 1.0
+    if "action_rate" not in robot.space.names:
+        return [Hidden(truth, v, robot.rate, i, seed, noise) for i, v in enumerate(values)]
     rate = list(robot.space.names).index("action_rate")
-    values = space.sample(0, n, seed)
-    return [Hidden(truth, v, float(v[rate]), i, seed, 5.0 if outside else 1.0) for i, v in enumerate(values)]
+    return [Hidden(truth, v, float(v[rate]), i, seed, noise) for i, v in enumerate(values)]
 
 
 def unseen_commands(robot: Robot, hidden: Hidden, *, episodes: int = 8, seconds: float = 1.0) -> Run:

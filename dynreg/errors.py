@@ -71,6 +71,10 @@ class BudgetError(DynregError):
         self.what = what
 
 
+class ExecutorError(DynregError):
+    """Work that cannot be handed out: no cluster, one of another version, a worker that is lost each time."""
+
+
 class RegistryError(DynregError):
     """A registry directory that cannot be used as asked."""
 

@@ -14,7 +14,19 @@ import numpy as np
 from dynreg.adapt.differences import DIFFERENCES
 from dynreg.adapt.journalled import Outcome
 from dynreg.adapt.searched import searched
-from dynreg.adapt.tried import ADAPTED, BACK, REFINE, START, TRANSFER, Adapted, Reached, Rules, Tried, best_of
+from dynreg.adapt.tried import (
+    ADAPTED,
+    BACK,
+    REFINE,
+    ROULETTE,
+    START,
+    TRANSFER,
+    Adapted,
+    Reached,
+    Rules,
+    Tried,
+    best_of,
+)
 from dynreg.adapt.world import World
 from dynreg.errors import BudgetError
 from dynreg.search.bits import BYTE, grid, roulette
@@ -25,18 +37,26 @@ from dynreg.search.start import Start
 from dynreg.search.table import SEARCHES
 
 NEAR = 0.99 * grid(BYTE)  # of the range: two codes of step 1 are farther apart
+BESIDE = 0.05  # of the range, 1 sigma, between a simulator and those beside it
 FEWEST = 2  # gaits that stood on the robot, with which a simulator can be adapted
 
 
 def back_to_reality(
-    world: World, rules: Rules, gaits: np.ndarray, simulator: np.ndarray, free: np.ndarray
+    world: World,
+    rules: Rules,
+    gaits: np.ndarray,
+    simulator: np.ndarray,
+    free: np.ndarray,
+    seeds: np.ndarray | None = None,
 ) -> Reached:
     """Steps 1 to 5, from a simulator (P,) of which the numbers `free` (F,) are adapted.
 
-    gaits : (n, G) that the robot is known to run, or none; they are tried first. It ends when the goal is met, at the
-    last iteration, or when the budget of the robot is spent.
+    gaits : (n, G) that the robot is known to run, or none; they are tried first. seeds : (n, G) for the first
+    generation of step 1, such as those of a goal nearby; nobody knows whether the robot can run them. It ends when the
+    goal is met, at the last iteration, or when the budget of the robot is spent.
     """
-    run = _Run(world, rules, gaits, free, [Adapted(simulator, 0, START)])
+    seeds = gaits[:0] if seeds is None else seeds
+    run = _Run(world, rules, gaits, seeds, free, [Adapted(simulator, 0, START)])
     ended = "iterations"
     try:
         for number in range(1, rules.iterations + 1):
@@ -55,6 +75,7 @@ class _Run:
     world: World
     rules: Rules
     known: np.ndarray
+    seeds: np.ndarray
     free: np.ndarray
     versions: list[Adapted]
     tried: list[Tried] = field(default_factory=list)
@@ -103,28 +124,54 @@ class _Run:
     def sought(self, number: int) -> list[tuple[np.ndarray, float | None]]:
         """Step 1: gaits and their simulated fitness, the best of the last generation first, then of those before.
 
-        Real gaits are in the first generation. In the first iteration, those to begin with come before all. Gaits that
-        fall in the simulator are left out.
+        Real gaits and seeds are in the first generation. In the first iteration, those to begin with come before all.
+        Gaits that fall in the simulator are left out.
         """
-        rules, simulator = self.rules, self.versions[-1].simulator
+        rules = self.rules
         generations = max((rules.first if number == 1 else rules.later) >> self.halved, 1)
         known = self.real(rules.gaits)
+        begun = np.concatenate([known, self.seeds])[: rules.gaits]
         rng = self.world.rng(f"gaits {number}")
-        search = Seen(roulette(self.known.shape[1], rng, rules.gaits, known))
+        near = self.near(number)
+        target = -np.inf if rules.hope is None else -rules.hope
+        search = Seen(_Until(self.begun(rng, begun), target))
         found = drive(
             search,
-            lambda some: self.world.play(some, simulator[None]).T,
+            lambda some: self.world.play(some, near).min(axis=0)[:, None],
             lambda grades: (grades[:, 0], -grades[:, 0]),
             Limits(generations * rules.gaits),
-            journal=self.journal(f"gaits {number}", simulator, known),
+            journal=self.journal(f"gaits {number}", near, begun),
             progress=lambda done, total: self.world.progress(f"gaits {number}", done, total),
         )
         self.resumed += found.resumed
         out = [(gait, None) for gait in known] if number == 1 else []
-        for asked, losses in reversed(search.rounds()):
+        rounds = search.rounds()
+        if rules.search != ROULETTE:  # others have no generations
+            rounds = [tuple(map(np.concatenate, zip(*rounds, strict=True)))]
+        for asked, losses in reversed(rounds):
             order = np.argsort(losses, kind="stable")
             out += [(asked[i], -float(losses[i])) for i in order if losses[i] < 0.0]
         return out
+
+    def near(self, number: int) -> np.ndarray:
+        """(k, P) the simulator of step 1, and others beside it.
+
+        A gait that scores in one simulator alone, such as by a ball that hits the one paw and then the other, is not
+        found again on the robot.
+        """
+        out = np.tile(self.versions[-1].simulator, (self.rules.near, 1))
+        if self.rules.near > 1:
+            rng = self.world.rng(f"near {number}")
+            out[1:, self.free] += BESIDE * rng.standard_normal((len(out) - 1, len(self.free)))
+        return np.clip(out, 0.0, 1.0)
+
+    def begun(self, rng: np.random.Generator, first: np.ndarray) -> Search:
+        """The search of step 1, from gaits (n, G): all are of the first generation, or the first is where it begins."""
+        rules, genes = self.rules, self.known.shape[1]
+        if rules.search == ROULETTE:
+            return roulette(genes, rng, rules.gaits, first, rules.mutation)
+        point = first[0] if len(first) else None
+        return SEARCHES[rules.search].begin(Start(genes, rng, rules.gaits, point, self.world.periodic))
 
     def real(self, most: int) -> np.ndarray:
         """(n, G) at most so many of the gaits that stood on the robot, the best first; else those to begin with.
@@ -184,7 +231,7 @@ class _Run:
         first, name = float(difference(parent.simulator[None])[0]), f"simulators {number}"
         # a difference that may be negative has no share that is near enough
         target = rules.enough * first if first > 0.0 else -np.inf
-        rng, kind = self.world.rng(name), SEARCHES["roulette"]
+        rng, kind = self.world.rng(name), SEARCHES[ROULETTE]
         found = searched(
             difference,
             parent.simulator,

@@ -10,10 +10,12 @@ import numpy as np
 from dynreg.adapt.differences import DIFFERENCES
 from dynreg.adapt.scores import Scores
 from dynreg.errors import UsageError
+from dynreg.search.table import SEARCHES
 
 TRANSFER, REFINE = "transfer", "refine"  # what a trial is for: steps 2 and 4
+ROULETTE = "roulette"  # the paper's search
 START, BACK, ADAPTED = "start", "rolled back", "adapted"  # what made a version
-ONES = ("iterations", "first", "later", "gaits", "stand", "repeats", "turns", "simulators")
+ONES = ("iterations", "first", "later", "gaits", "stand", "repeats", "turns", "simulators", "near")
 LEAST = MappingProxyType(dict.fromkeys(ONES, 1) | {"variations": 2, "steps": 0})
 
 
@@ -22,18 +24,24 @@ class Rules:
     """The sizes of every step, as published but for `lost`, which is ours.
 
     iterations : at most. first, later : generations of step 1, in the first iteration and after it. gaits : candidates
-    of one generation. stand : gaits that must stand on the robot (m). repeats : trials of each of them, and of the best
-    of step 4, which counts by these alone. turns : generations of step 3, of so many `simulators`; it ends early where
-    the difference is `enough` of its first value. difference : one of `differences.DIFFERENCES`. variations, steps :
-    trials of one estimate of the gradient, and estimates. lost : where this share of gaits falls, the simulator before
-    is used again. goal : score with which the task is met; None for never. Raises UsageError for sizes that make no
-    sense.
+    of one generation. search : one of `search.table.SEARCHES` for step 1. mutation : of the paper's, chance that a bit
+    turns. near : simulators in which step 1 runs every gait, the adapted one and others beside it; the worst score
+    counts. hope : simulated score with which step 1 ends early; None for never. stand : gaits that must stand on the
+    robot (m). repeats : trials of each of them, and of the best of step 4, which counts by these alone. turns :
+    generations of step 3, of so many `simulators`; it ends early where the difference is `enough` of its first value.
+    difference : one of `differences.DIFFERENCES`. variations, steps : trials of one estimate of the gradient, and
+    estimates. lost : where this share of gaits falls, the simulator before is used again. goal : score with which the
+    task is met; None for never. Raises UsageError for sizes that make no sense.
     """
 
     iterations: int = 2
     first: int = 600
     later: int = 100
     gaits: int = 15
+    search: str = ROULETTE
+    mutation: float = 0.005
+    near: int = 1
+    hope: float | None = None
     stand: int = 10
     repeats: int = 3
     turns: int = 45
@@ -49,13 +57,17 @@ class Rules:
         for name, least in LEAST.items():
             if not getattr(self, name) >= least:
                 _refuse(f"{name} = {getattr(self, name)}", f"{least} or more")
-        for name in ("enough", "lost"):
+        for name in ("enough", "lost", "mutation"):
             if not 0 < getattr(self, name) < 1:
                 _refuse(f"{name} = {getattr(self, name)}", "a share between 0 and 1")
         if self.difference not in DIFFERENCES:
             _refuse(f"difference = {self.difference!r}", f"one of {list(DIFFERENCES)}")
-        if self.goal is not None and not math.isfinite(self.goal):
-            _refuse(f"goal = {self.goal}", "a score, or None for no goal")
+        if self.search not in SEARCHES:
+            _refuse(f"search = {self.search!r}", f"one of {list(SEARCHES)}")
+        for name in ("goal", "hope"):
+            score = getattr(self, name)
+            if score is not None and not math.isfinite(score):
+                _refuse(f"{name} = {score}", "a score, or None for none")
 
     def within(self, rollouts: int | None) -> "Rules":
         """Steps 1 and 3 with the same share of their generations, so that no more than `rollouts` are run.
@@ -78,7 +90,7 @@ class Rules:
     @property
     def rollouts(self) -> int:
         """Runs of single gaits in single simulators, where every generation of every step is run."""
-        gaits = self.gaits * (self.first + (self.iterations - 1) * self.later)
+        gaits = self.near * self.gaits * (self.first + (self.iterations - 1) * self.later)
         # a search begins with the simulator before, which is graded before it, too
         simulators = self.iterations * (2 + self.turns * self.simulators)
         return gaits + simulators * self.stand

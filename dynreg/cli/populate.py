@@ -28,4 +28,11 @@ def populate(
     call.robot(robot, settings.ranges)  # a mistake here makes no registry
     with call.open(create=True) as session, call.progress() as progress:
         result = session.populate(robot, n, **vars(settings), progress=progress)
-    call.emit(result, hint=command("ingest", "LOG", "--robot", robot))
+        if settings.dry_run:
+            session.registry.take_away()  # where this call made it
+    hint = (
+        command("populate", robot, "-n", n)
+        if settings.dry_run
+        else command("ingest", "LOG", "--robot", robot)
+    )
+    call.emit(result, hint=hint)

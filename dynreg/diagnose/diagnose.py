@@ -20,7 +20,7 @@ from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Problem, planned
 from dynreg.diagnose.ranking.population import Ranking
 from dynreg.diagnose.settle import revise, unlike
-from dynreg.diagnose.threshold import Cache, Threshold, found_before, threshold
+from dynreg.diagnose.threshold import Cache, Nulls, Threshold, found_before, threshold
 from dynreg.diagnose.verdict import Evidence, Verdict, verdict_of
 from dynreg.diagnose.zeros import zeroed
 from dynreg.errors import UsageError
@@ -63,20 +63,21 @@ def diagnose(
     *,
     cache: Cache | None = None,
     progress: Progress | None = None,
+    nulls: Nulls | None = None,
 ) -> Search[Diagnosed]:
     """Name the effects that a simulator of `robot` lacks to explain the recording.
 
     start : the simulator, by default the nominal one. cache : of thresholds, and of simulators with one effect each.
+    nulls : see `threshold`.
     Fit, select and test parts have no trajectory in common. The search does not read the test part; the verdict does,
     once: causes that raise the error there are not called named.
     Raises the errors of `pose` and `offered`.
     """
-    model, data = pose(robot, recording, options, start)
-    problem = yield from planned(model, data, offered(model, data, options))
-    problem = yield from guided(problem, recording, options, cache, progress)
-    limit = threshold(problem, recording, options, cache, progress)
-    runs = 0 if found_before(problem, recording, options, cache) else options.threshold_runs
-    total = problem.plan.expected(len(model.coordinates), len(problem.terms), runs)
+    problem = yield from posed(robot, recording, options, start, cache, progress)
+    limit = threshold(problem, recording, options, cache, progress, nulls)
+    elsewhere = nulls is not None or found_before(problem, recording, options, cache)
+    runs = 0 if elsewhere else options.threshold_runs
+    total = problem.plan.expected(len(problem.model.coordinates), len(problem.terms), runs)
     found, many = yield from counted(
         search(problem, recording, limit, options, progress), simulated(progress, total)
     )
@@ -85,6 +86,20 @@ def diagnose(
     if many >= total:
         report(LONGER, 1, 1)
     return found
+
+
+def posed(
+    robot: Robot,
+    recording: Recording,
+    options: DiagnosisOptions,
+    start: SimConfig | None = None,
+    cache: Cache | None = None,
+    progress: Progress | None = None,
+) -> Search[Problem]:
+    """A recording as a problem, with its plan, its terms and its guide; the arguments are those of `diagnose`."""
+    model, data = pose(robot, recording, options, start)
+    problem = yield from planned(model, data, offered(model, data, options))
+    return (yield from guided(problem, recording, options, cache, progress))
 
 
 def simulated(progress: Progress | None, total: int) -> Callable[[int], None]:

@@ -1,7 +1,7 @@
 """The threshold: the evidence that simulated robots without an effect reach by chance, under the same commands."""
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Protocol
 
@@ -44,6 +44,8 @@ STRETCHES = 8  # of a window, in which commands are compared
 # below 64 simulations, which five fill; and between groups there is something to tell.
 TOGETHER = 5
 
+Nulls = Callable[[int], Iterable[tuple[float, float]]]  # `null` of so many robots, computed elsewhere
+
 
 class Cache(Protocol):
     """A store of results that can be computed again, by kind and key (plain JSON); a registry is one."""
@@ -83,11 +85,12 @@ def threshold(
     options: DiagnosisOptions,
     cache: Cache | None = None,
     progress: Progress | None = None,
+    nulls: Nulls | None = None,
 ) -> Search[Threshold]:
     """The evidence above which a cause is named, from diagnoses of simulated robots without an effect.
 
     These robots are drawn from the nameplate. The threshold is cached by `key_of` for similar commands, so a second
-    recording with the same commands needs no simulation.
+    recording with the same commands needs no simulation. nulls : what they say, from elsewhere; None computes it here.
     """
     runs = options.threshold_runs
     at_once = found_before(problem, recording, options, cache)
@@ -97,14 +100,26 @@ def threshold(
     key, told = key_of(problem, noise, runs, options.seed), commands(problem.data)
     report = progress or (lambda *_: None)
     report("threshold", 0, runs)
-    seeds = [null_seed(options.seed, i) for i in range(runs)]
-    made = yield from nulls_of(problem, noise, seeds, lambda ended: report("threshold", ended, runs))
+    done = lambda ended: report("threshold", ended, runs)  # noqa: E731
+    if nulls is None:
+        seeds = [null_seed(options.seed, i) for i in range(runs)]
+        made = yield from nulls_of(problem, noise, seeds, done)
+    else:
+        made = _told(nulls(runs), done)
     found = Threshold.of(made)
     if cache is not None:
         kept = (cache.cached(KIND, key) or {"found": []})["found"]
         row = {"commands": told.tolist(), "nats": found.nats, "scores": found.scores, "ratios": found.ratios}
         cache.cache(KIND, key, {"found": [*kept, row]})
     return found
+
+
+def _told(nulls: Iterable[tuple[float, float]], done: Callable[[int], None]) -> list[tuple[float, float]]:
+    made = []
+    for one in nulls:
+        made.append(one)
+        done(len(made))
+    return made
 
 
 def found_before(

@@ -15,7 +15,7 @@ from dynreg.diagnose.options import DiagnosisOptions, Ranker
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Problem, planned
 from dynreg.diagnose.ranking.guide import Guide
-from dynreg.diagnose.threshold import Cache, Threshold, known, null_seed, nulls_of, threshold
+from dynreg.diagnose.threshold import Cache, Nulls, Threshold, known, null_seed, nulls_of, threshold
 from dynreg.evidence.estimate import estimates
 from dynreg.evidence.fit import fit
 from dynreg.evidence.hypothesis import Hypothesis, single_terms
@@ -121,28 +121,29 @@ class Tried:
 
 
 def trial_threshold(
-    trials: Trials, cache: Cache | None = None, progress: Progress | None = None
+    trials: Trials, cache: Cache | None = None, progress: Progress | None = None, nulls: Nulls | None = None
 ) -> Threshold:
-    """The threshold under the protocol's commands."""
+    """The threshold under the protocol's commands; see `threshold`, also for `nulls`."""
     recording, options = _without_effect(trials)
 
     def found() -> Search[Threshold]:
         problem = yield from posed(trials, recording, options)
-        return (yield from threshold(problem, recording, options, cache, progress))
+        return (yield from threshold(problem, recording, options, cache, progress, nulls))
 
     return run(found(), threads=trials.threads)
 
 
 def nulls(trials: Trials, numbers: Iterable[int]) -> list[tuple[float, float]]:
     """`threshold.null` of the robots without an effect of these numbers; `trial_threshold` uses the same robots."""
+    return run(null_search(trials, numbers), threads=trials.threads)
+
+
+def null_search(trials: Trials, numbers: Iterable[int]) -> Search[list[tuple[float, float]]]:
+    """The search for `nulls`."""
     recording, options = _without_effect(trials)
+    problem = yield from posed(trials, recording, options)
     seeds = [null_seed(options.seed, i) for i in numbers]
-
-    def found() -> Search[list[tuple[float, float]]]:
-        problem = yield from posed(trials, recording, options)
-        return (yield from nulls_of(problem, own_noise(trials.robot, recording), seeds))
-
-    return run(found(), threads=trials.threads)
+    return (yield from nulls_of(problem, own_noise(trials.robot, recording), seeds))
 
 
 def _without_effect(trials: Trials) -> tuple[Recording, DiagnosisOptions]:

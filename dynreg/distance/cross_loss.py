@@ -1,9 +1,49 @@
 """The symmetric cross-loss distance of the paper (D) between entries and of a query to them."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 
+from dynreg.distance.rows import thin
 from dynreg.models.bank import LossBank
-from dynreg.models.mlp import MlpStack
+from dynreg.models.losses import losses
+from dynreg.models.mlp import MlpStack, Models
+
+JUDGED_ON = 64  # held-out rows of each entry on which cross-losses are measured
+BATCH = 50  # models at once, where all of them are gone through
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """The rows on which entries are judged, inputs (M, N, D) and targets (M, N, S), and own losses (M,) on them."""
+
+    inputs: np.ndarray
+    targets: np.ndarray
+    own: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.own)
+
+    def as_arrays(self) -> dict[str, np.ndarray]:
+        """Arrays by name, for the index cache."""
+        return dict(vars(self))
+
+
+def judged_on(stack: Models, inputs: np.ndarray, targets: np.ndarray, seed: int) -> Judged:
+    """Up to 64 of the held-out rows (M, N, D), (M, N, S) of entries, for all the same ones, and their own losses."""
+    some = thin(inputs.shape[1], JUDGED_ON, seed, "judged")
+    x, y = (np.ascontiguousarray(rows[:, some], dtype=np.float32) for rows in (inputs, targets))
+    return Judged(x, y, own_losses(stack, x, y))
+
+
+def own_losses(stack: Models, inputs: np.ndarray, targets: np.ndarray) -> np.ndarray:
+    """(M,) the loss of every model on its own rows (M, N, D), (M, N, S)."""
+    found = [np.zeros(0)]
+    for first in range(0, len(stack), BATCH):
+        part = np.arange(first, min(first + BATCH, len(stack)))
+        found.append(losses(stack[part], inputs[part], targets[part], threads=1))
+    return np.concatenate(found)
 
 
 class CrossLoss:
@@ -12,50 +52,63 @@ class CrossLoss:
     L_m(D) is the mean squared error of model m's normalised delta on rows of D; d(a, a) = 1, there is no
     triangle inequality, and the floor is about 1. Own losses L_a(D_a) are held-out ones; pass training losses
     to follow the paper's other reading (a weaker distance: it is no better than chance on quadrupeds).
+    A call takes out the models and rows that it compares, and no others.
 
     Parameters
     ----------
     stack : M models.
     inputs, targets : (M, N, D), (M, N, S) the rows each entry is judged on.
     own : (M,) own losses; None measures L_a(D_a) on those rows.
+    threads : cores, all of them by default.
     """
 
     def __init__(
         self,
-        stack: MlpStack,
+        stack: Models,
         inputs: np.ndarray,
         targets: np.ndarray,
         own: np.ndarray | None = None,
         *,
         threads: int | None = None,
     ):
-        self.bank = LossBank(stack, inputs, targets, threads=threads)
-        every = np.arange(len(stack))
-        self.own = self.bank.pairs(every, every) if own is None else np.asarray(own, dtype=float)
+        self.stack, self.inputs, self.targets, self.threads = stack, inputs, targets, threads
+        self.own = own_losses(stack, inputs, targets) if own is None else np.asarray(own, dtype=float)
 
     def __len__(self) -> int:
         return len(self.own)
 
     def pairs(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """(Q,) distances of pairs of entries, in one batched call."""
-        a, b = np.asarray(a), np.asarray(b)
-        losses = self.bank.pairs(np.concatenate([a, b]), np.concatenate([b, a]))
-        return (losses[: len(a)] + losses[len(a) :]) / (self.own[a] + self.own[b])
+        a, b = np.asarray(a, dtype=np.int64), np.asarray(b, dtype=np.int64)
+        ids, at = np.unique(np.concatenate([a, b]), return_inverse=True)
+        if not len(ids):
+            return np.zeros(0)
+        found = self._bank(ids).pairs(at, np.concatenate([at[len(a) :], at[: len(a)]]))
+        return (found[: len(a)] + found[len(a) :]) / (self.own[a] + self.own[b])
 
     def matrix(self) -> np.ndarray:
         """(M, M) all distances: the oracle."""
-        losses = self.bank.all()
-        return (losses + losses.T) / (self.own[:, None] + self.own[None, :])
+        found = self._bank(np.arange(len(self))).all()
+        return (found + found.T) / (self.own[:, None] + self.own[None, :])
 
-    def query(self, model: MlpStack, inputs: np.ndarray, targets: np.ndarray, own: float):
+    def query(
+        self, model: MlpStack, inputs: np.ndarray, targets: np.ndarray, own: float
+    ) -> Callable[[np.ndarray], np.ndarray]:
         """The distances of a recording with its own model (one), rows (N, D), (N, S) and own loss.
 
         Returns a callable: entry ids (m,) -> (m,) distances.
         """
 
-        def to(ids: np.ndarray) -> np.ndarray:
-            theirs = self.bank.of_set(inputs, targets, ids)
-            mine = self.bank.of_model(model, ids)
+        def some(ids: np.ndarray) -> np.ndarray:
+            bank = self._bank(ids)
+            theirs, mine = bank.of_set(inputs, targets), bank.of_model(model)
             return (theirs + mine) / (own + self.own[ids])
 
+        def to(ids: np.ndarray) -> np.ndarray:
+            parts = [some(ids[i : i + BATCH]) for i in range(0, len(ids), BATCH)]
+            return np.concatenate([np.zeros(0), *parts])
+
         return to
+
+    def _bank(self, ids: np.ndarray) -> LossBank:
+        return LossBank(self.stack[ids], self.inputs[ids], self.targets[ids], threads=self.threads)

@@ -2,18 +2,14 @@
 
 import numpy as np
 
-from dynreg.distance.query import DistanceQuery, Ranked
-from dynreg.index import vector_index
+from dynreg.distance.query import DistanceQuery, Ranked, in_order
 from dynreg.models.mlp import MlpStack
 
 
 def rank(asked: DistanceQuery) -> Ranked:
-    """Entries by the Euclidean distance of their vectors to that of the recording's own model."""
-    population, allowed = asked.population, asked.allowed
-    index = vector_index(population.vectors.shape[1], seed=population.shared.seed)
-    index.add(population.vectors[allowed])
-    ids, apart = index.nearest(asked.vector[None], len(allowed))
-    return Ranked(allowed[ids[0]], apart[0], len(allowed))
+    """Entries by the Euclidean distance of their vectors to that of the recording's own model; no model is read."""
+    apart = np.linalg.norm(asked.population.vectors[asked.allowed] - asked.vector, axis=1)
+    return in_order(asked.allowed, apart, len(asked.allowed))
 
 
 def to_models(asked: DistanceQuery, stack: MlpStack) -> np.ndarray:

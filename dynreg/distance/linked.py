@@ -2,17 +2,16 @@
 
 import numpy as np
 
-from dynreg.distance.cross_loss import CrossLoss
-from dynreg.distance.one_sided import rank as by_one_sided
-from dynreg.distance.population import JUDGED_ON
-from dynreg.distance.query import DistanceQuery, Ranked
+from dynreg.distance.cross_loss import JUDGED_ON, CrossLoss
+from dynreg.distance.query import DistanceQuery, Ranked, in_order
 from dynreg.distance.rows import thin
 from dynreg.errors import UsageError
-from dynreg.index import search, search_printed
+from dynreg.index import To, search, search_printed
 from dynreg.models.losses import losses
+from dynreg.models.threads import single_threaded
 from dynreg.rng import stream
 
-REACHED = 60  # entries that a search of the graph keeps
+REACHED = 50  # entries that a search of the graph keeps
 
 
 def held_out(asked: DistanceQuery) -> Ranked:
@@ -39,10 +38,10 @@ def _rank(
 ) -> Ranked:
     """Entries by their distance to the recording, a new node of the graph that is judged on some of `rows`.
 
-    What the search did not reach comes after what it found, by one-sided distance and without a number.
+    All that are allowed are judged with `exact`, and where a walk finds too few.
     """
     population = asked.population
-    if asked.graph is None:
+    if population.graph is None:
         raise UsageError(
             f"population {population.id[:12]} is not linked",
             expected="a graph over its entries",
@@ -52,14 +51,20 @@ def _rank(
     some = thin(len(x), JUDGED_ON, population.shared.seed, "query held")
     x, y = x[some], y[some]
     to = distance.query(asked.model, x, y, float(losses(asked.model, x, y)[0]))
-    wide = min(REACHED, len(population))
-    rng = stream(population.shared.seed, "search")
-    if as_printed:
-        found = search_printed(asked.graph, to, 5, rng, restarts=4)
-    else:
-        found = search(asked.graph, to, wide, rng, ef=wide)
+    if not asked.exact:
+        found = _walked(asked, to, as_printed)
+        if len(found.order) >= asked.at_least:
+            return found
+    return in_order(asked.allowed, to(asked.allowed), len(asked.allowed))
+
+
+def _walked(asked: DistanceQuery, to: To, as_printed: bool) -> Ranked:
+    graph, rng = asked.population.graph, stream(asked.population.shared.seed, "search")
+    with single_threaded():  # a step asks for too little to share among cores
+        if as_printed:
+            found = search_printed(graph, to, max(5, asked.wanted), rng, restarts=4)
+        else:
+            kept = min(max(REACHED, asked.wanted, asked.at_least), len(asked.allowed))
+            found = search(graph, to, kept, rng, ef=kept, among=asked.allowed)
     keep = np.isin(found.ids, asked.allowed)
-    rest = by_one_sided(asked, np.setdiff1d(asked.allowed, found.ids)).order
-    order = np.concatenate([found.ids[keep], rest])
-    scores = np.concatenate([found.distances[keep], np.full(len(rest), np.nan)])
-    return Ranked(order, scores, found.evaluations)
+    return Ranked(found.ids[keep], found.distances[keep], found.evaluations)

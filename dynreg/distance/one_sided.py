@@ -1,28 +1,82 @@
 """One-sided distance: how badly each entry's model predicts the query, a few steps ahead."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from dynreg.distance.query import DistanceQuery, Ranked, in_order
 from dynreg.distance.rows import Rows, thin
 from dynreg.errors import LogError
-from dynreg.models.losses import predict
-from dynreg.models.mlp import MlpStack
+from dynreg.index import search
+from dynreg.models.losses import Predictor
+from dynreg.models.mlp import MlpStack, Models
 from dynreg.models.normaliser import Normaliser
+from dynreg.models.threads import available_threads, single_threaded, worker_pool
+from dynreg.rng import stream
 
 BATCH = 50  # models at once
 QUERY_ROWS = 200  # sequences of the recording on which every entry's model is judged,
 AHEAD = 2  # steps long each
+KEPT = 40  # of the nearest found that a walk keeps and expands, at least
 
 
-def rank(asked: DistanceQuery, entries: np.ndarray | None = None) -> Ranked:
-    """Entries (M',), else all that are allowed, by this distance; raises LogError where there is nothing to judge."""
-    population, entries = asked.population, asked.allowed if entries is None else entries
-    stack = population.stack if len(entries) == len(population) else population.stack[entries]
-    return in_order(entries, to_models(asked, stack), len(entries))
+def rank(asked: DistanceQuery) -> Ranked:
+    """Entries that are allowed by this distance: all, or, of many, those that a walk over the graph finds.
+
+    Raises LogError where there is nothing to judge.
+    """
+    judge = judge_of(asked)
+    if asked.walks:
+        found = walked(asked, judge)
+        if len(found.order) >= asked.at_least:
+            return found
+    with single_threaded():  # what is worth more cores asks for them itself
+        far = judge(asked.population.stack, asked.allowed)
+    return in_order(asked.allowed, far, len(asked.allowed))
+
+
+def walked(asked: DistanceQuery, judge: "Judge") -> Ranked:
+    """The entries that a best-first walk over the graph keeps, nearest first; it starts at random ones."""
+    population, threads = asked.population, asked.threads or available_threads()
+    kept = min(max(KEPT, asked.wanted, asked.at_least), len(asked.allowed))
+    with worker_pool(threads) as pool:
+
+        def to(ids: np.ndarray) -> np.ndarray:
+            models = [population.stack[part] for part in np.array_split(ids, min(len(ids), threads))]
+            return np.concatenate(list(pool.map(judge.of, models)))
+
+        rng = stream(population.shared.seed, "walk")
+        found = search(population.graph, to, kept, rng, ef=kept, among=asked.allowed)
+    return Ranked(found.ids, found.distances, found.evaluations)
 
 
 def to_models(asked: DistanceQuery, stack: MlpStack) -> np.ndarray:
     """(M,) distances of models of the population; raises LogError where there is nothing to judge."""
+    return judge_of(asked).of(stack)
+
+
+@dataclass(frozen=True, eq=False)
+class Judge:
+    """Judges models by a query's sequences (N, H, D), (N, H, S); scale : (S,) of `channel_scale`."""
+
+    inputs: np.ndarray
+    targets: np.ndarray
+    scale: np.ndarray
+    normaliser: Normaliser
+
+    def __call__(self, models: Models, ids: np.ndarray) -> np.ndarray:
+        """(m,) distances of the models `ids`, a few of which are read at a time."""
+        parts = [self.of(models[ids[i : i + BATCH]], threads=None) for i in range(0, len(ids), BATCH)]
+        return np.concatenate([np.zeros(0), *parts])
+
+    def of(self, stack: MlpStack, threads: int | None = 1) -> np.ndarray:
+        """(M,) mean absolute error of every model, each channel by its scale."""
+        error = np.abs(_miss(stack, self.inputs, self.targets, self.normaliser, threads))
+        return (error.mean(axis=1) * self.scale).sum(axis=1)
+
+
+def judge_of(asked: DistanceQuery) -> Judge:
+    """Judges by some sequences of the recording; raises LogError where it has none."""
     shared = asked.population.shared
     inputs, targets = _sequences(asked.rows)
     judged = thin(len(inputs), QUERY_ROWS, shared.seed, "query")
@@ -32,7 +86,9 @@ def to_models(asked: DistanceQuery, stack: MlpStack) -> np.ndarray:
             expected="rows in which all is measured, and in the next as well",
             do="record longer, or query with --distance replay",
         )
-    return one_sided(stack, shared.base, inputs[judged], targets[judged], shared.normaliser)
+    inputs, targets = inputs[judged], targets[judged]
+    scale = channel_scale(shared.base, inputs, targets, shared.normaliser)
+    return Judge(inputs, targets, scale, shared.normaliser)
 
 
 def one_sided(
@@ -49,12 +105,7 @@ def one_sided(
     losses enter: they differ tenfold between entries, and a symmetric distance makes hubs of the noisy ones.
     """
     scale = channel_scale(base, inputs, targets, normaliser)
-    losses = np.empty(len(stack))
-    for first in range(0, len(stack), BATCH):
-        part = stack[np.arange(first, min(first + BATCH, len(stack)))]
-        error = np.abs(_miss(part, inputs, targets, normaliser))
-        losses[first : first + len(part)] = error.mean(axis=1) @ scale
-    return losses
+    return Judge(inputs, targets, scale, normaliser)(stack, np.arange(len(stack)))
 
 
 def channel_scale(
@@ -65,16 +116,23 @@ def channel_scale(
     return 1.0 / (np.maximum(error, 0.03 * error.mean() + 1e-9) * len(error))
 
 
-def _miss(stack: MlpStack, inputs: np.ndarray, targets: np.ndarray, normaliser: Normaliser) -> np.ndarray:
+def _miss(
+    stack: MlpStack,
+    inputs: np.ndarray,
+    targets: np.ndarray,
+    normaliser: Normaliser,
+    threads: int | None = None,
+) -> np.ndarray:
     """(M, N, S) error of the change over all H steps, in units of the spread of one step's."""
     channels = targets.shape[-1]
     spread = normaliser.input_std[:channels]
-    total = predict(stack, inputs[:, 0])
+    predict = Predictor(stack, threads=threads)
+    total = predict(inputs[:, 0])
     for step in range(1, inputs.shape[1]):
         moved = (total * normaliser.delta_std + step * normaliser.delta_mean) / spread
         rows = np.broadcast_to(inputs[:, step], (len(stack), *inputs[:, step].shape)).copy()
         rows[..., :channels] = inputs[:, 0, :channels] + moved
-        total = total + predict(stack, rows.astype(np.float32))
+        total = total + predict(rows.astype(np.float32))
     return total - targets.sum(axis=1)
 
 

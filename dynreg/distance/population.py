@@ -5,11 +5,12 @@ from functools import cached_property
 
 import numpy as np
 
-from dynreg.distance.cross_loss import CrossLoss
+from dynreg.distance.cross_loss import CrossLoss, Judged, judged_on
 from dynreg.distance.embedding import Embedding
-from dynreg.distance.rows import Rows, bank_rows, thin
+from dynreg.distance.rows import Rows, bank_rows
 from dynreg.errors import UsageError
-from dynreg.models.mlp import MlpStack
+from dynreg.index import Graph
+from dynreg.models.mlp import MlpStack, Models
 from dynreg.models.normaliser import Normaliser
 from dynreg.models.train import Passes, train
 from dynreg.rng import stream_seed
@@ -17,7 +18,6 @@ from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run, motor_noise
 
 BASE_CONFIGURATIONS = 96  # pooled into the base model; drawn apart from the entries
-JUDGED_ON = 64  # held-out rows of each entry on which cross-losses are measured
 
 
 @dataclass(frozen=True)
@@ -100,14 +100,21 @@ class Entries:
 
 @dataclass(frozen=True)
 class Population:
-    """A population held ready for queries: shared part, entries, their models, and the embedding (M, D') of these."""
+    """A population held ready for queries.
+
+    shared : what was there before its entries. stack : the models of these; vectors : (M, D') their embedding.
+    graph : over them, None where they are not linked. judged : the rows on which cross-losses are measured, None where
+    nothing asks for them.
+    """
 
     id: str
     shared: Shared
     entries: Entries
-    stack: MlpStack
+    stack: Models
     embedding: Embedding
     vectors: np.ndarray
+    graph: Graph | None = None
+    judged: Judged | None = None
 
     def __len__(self) -> int:
         return len(self.stack)
@@ -117,32 +124,20 @@ class Population:
         """(M, P) parameters of the entries in [0, 1]."""
         return self.shared.robot.space.to_unit(self.entries.values)
 
-    @cached_property
+    @property
     def cross_loss(self) -> CrossLoss:
-        """The paper's distance with held-out own losses; needs the entries' states."""
-        return cross_loss(self.shared, self.entries.states, self.stack)
+        """The paper's distance with held-out own losses; needs `judged`."""
+        return CrossLoss(self.stack, self.judged.inputs, self.judged.targets, self.judged.own)
 
-    @cached_property
+    @property
     def cross_loss_train(self) -> CrossLoss:
         """The same with training own losses."""
-        return cross_loss(self.shared, self.entries.states, self.stack, own=self.entries.train_loss)
+        return CrossLoss(self.stack, self.judged.inputs, self.judged.targets, self.entries.train_loss)
 
 
-def cross_loss(
-    shared: Shared,
-    states: np.ndarray,
-    stack: MlpStack,
-    *,
-    own: np.ndarray | None = None,
-    threads: int = 0,
-) -> CrossLoss:
-    """The paper's distance between entries with states (M, E, T+1, S), on up to 64 held-out rows of each.
-
-    own : (M,) own losses; those on these rows where None.
-    """
-    inputs, targets = shared.rows(states).held
-    some = thin(inputs.shape[1], JUDGED_ON, shared.seed, "judged")
-    return CrossLoss(stack, inputs[:, some], targets[:, some], own, threads=threads or None)
+def judged_entries(shared: Shared, states: np.ndarray, stack: Models) -> Judged:
+    """The rows on which entries with states (M, E, T+1, S) are judged by the paper's distance."""
+    return judged_on(stack, *shared.rows(states).held, shared.seed)
 
 
 def context_of(run: Run) -> np.ndarray:

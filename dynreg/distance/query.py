@@ -11,17 +11,21 @@ from dynreg.data.transitions import Transitions, filled, transitions
 from dynreg.distance.population import Population, Shared
 from dynreg.distance.rows import Rows, recording_rows, thin
 from dynreg.errors import LogError
-from dynreg.index import Graph
 from dynreg.models.mlp import MlpStack
 from dynreg.sim.robot import Robot
 
+JUDGED_ALL = 250  # entries up to which all are judged: a walk passes nearly as many
 MODEL_ROWS = 1600  # rows from which the recording's own model is trained, at most
 FEWEST = 20  # rows that a model is trained from, at least
 
 
+OwnModel = Callable[[Shared, Rows, int], MlpStack]
+"""The model of a recording's rows in a population; the last is how many threads train it, 0 for all."""
+
+
 @dataclass(frozen=True)
 class Ranked:
-    """Entries in order of distance: numbers `order` (M',), nearest first, and `distance` (M',), NaN where unknown.
+    """Entries in order of distance: numbers `order` (M',), nearest first, and `distance` (M',).
 
     evaluations : distances evaluated. replays : of them, simulators that were replayed.
     """
@@ -43,8 +47,9 @@ class DistanceQuery:
     """A recording, all of which is read, and the population in which its nearest entries are sought.
 
     replayed : (n,) replay errors of unit parameters (n, P). known : (P,) values of the parameters known of the robot,
-    NaN elsewhere; entries far from them are left out, down to `at_least`. graph : over the entries; None where they
-    are not linked.
+    NaN elsewhere; entries far from them are left out, down to `at_least`. wanted : how many of the nearest are asked
+    for. exact : whether all are judged, rather than those that a walk over the graph passes. own : gives the model of
+    rows, as `own_model`.
     """
 
     population: Population
@@ -52,8 +57,10 @@ class DistanceQuery:
     replayed: Callable[[np.ndarray], np.ndarray]
     known: np.ndarray | None = None
     at_least: int = 1
-    graph: Graph | None = None
+    wanted: int = 1
+    exact: bool = False
     threads: int = 0
+    own: OwnModel | None = None
 
     @property
     def robot(self) -> Robot:
@@ -77,6 +84,11 @@ class DistanceQuery:
         near, fewest = np.flatnonzero(apart <= 0.2), max(20, len(unit) // 5, self.at_least)
         return near if len(near) >= fewest else np.sort(np.argsort(apart, kind="stable")[:fewest])
 
+    @property
+    def walks(self) -> bool:
+        """Whether a walk over the graph finds the nearest, rather than that all that are allowed are judged."""
+        return not self.exact and self.population.graph is not None and len(self.allowed) > JUDGED_ALL
+
     @cached_property
     def transitions(self) -> Transitions:
         """Rows of the recording; optional inputs that it lacks take the robot's defaults."""
@@ -96,7 +108,7 @@ class DistanceQuery:
     @cached_property
     def model(self) -> MlpStack:
         """(1) the recording's own model; raises as `own_model`."""
-        return own_model(self.population.shared, self.rows, self.threads)
+        return (self.own or own_model)(self.population.shared, self.rows, self.threads)
 
     @cached_property
     def vector(self) -> np.ndarray:

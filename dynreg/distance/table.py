@@ -23,15 +23,15 @@ class Distance:
     """One distance: its name, "module:function" of `dynreg.distance`, and what it looks at.
 
     models : of one time step, which robots whose control is timed have no use for. states : the entries' stored
-    runs. graph : over the entries. beside : how far other models are by it, such as those of other recordings, where it
-    can tell; "module:function" as well.
+    runs. judged : some held-out rows of each entry. beside : how far other models are by it, such as those of other
+    recordings, where it can tell; "module:function" as well.
     """
 
     name: str
     where: str
     models: bool = True
     states: bool = False
-    graph: bool = False
+    judged: bool = False
     beside: str | None = None
 
     def rank(self, asked: "DistanceQuery") -> "Ranked":
@@ -54,9 +54,9 @@ DISTANCES = MappingProxyType(
         for one in (
             Distance("one_sided", "one_sided:rank", beside="one_sided:to_models"),
             Distance("embedding", "embedded:rank", beside="embedded:to_models"),
-            Distance("cross_loss", "linked:held_out", states=True, graph=True),
-            Distance("cross_loss_train", "linked:training", states=True, graph=True),
-            Distance("cross_loss_printed", "linked:printed", states=True, graph=True),
+            Distance("cross_loss", "linked:held_out", judged=True),
+            Distance("cross_loss_train", "linked:training", judged=True),
+            Distance("cross_loss_printed", "linked:printed", judged=True),
             Distance("trajectory", "trajectory:rank", states=True),
             Distance("replay", "replayed:rank", models=False),
         )
@@ -66,5 +66,5 @@ NAMES = (AUTO, *DISTANCES)
 
 
 def needs(name: str, what: str) -> bool:
-    """Whether the distance looks at "states" or a "graph"; what chooses itself looks at neither."""
+    """Whether the distance looks at "states" or "judged" rows; what chooses itself looks at neither."""
     return name in DISTANCES and getattr(DISTANCES[name], what)

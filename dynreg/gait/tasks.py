@@ -1,5 +1,6 @@
 """Tasks: what a gait is sought for. One class each, by kind; plugins through the entry points `dynreg.tasks`."""
 
+import math
 from collections.abc import Callable, Mapping
 from functools import cache
 from types import MappingProxyType
@@ -27,7 +28,8 @@ class Task:
     kind's numbers, which `values` of [[tasks]] overrides.
     score(base) : (B, E) from base (B, E, T+1, 12), in the order of `layout.BASE`; see `Walk`. What scores more than the
     base gives `scored(walk)` instead.
-    slope() : angle of the ground [rad]. motion : the robot's motion that is sought, None for its gait.
+    slope() : angle of the ground [rad]. laid() : where the first tracked bodies lie at the start. motion : the robot's
+    motion that is sought, None for its gait.
     """
 
     kind: ClassVar[str]
@@ -51,6 +53,10 @@ class Task:
     def slope(self) -> float:
         """Angle of the ground [rad], rising ahead."""
         return 0.0
+
+    def laid(self) -> np.ndarray | None:
+        """(n, 2) places [m] ahead and to the left of the base; None where the model says it."""
+        return None
 
     def scored(self, walk: Walk) -> np.ndarray:
         """(B, E) scores of walks, whether the robot fell or not."""
@@ -141,12 +147,27 @@ class Kick(Task):
     """Metres D that the first tracked body went, less for an angle psi off `direction` [rad, to the left].
 
     D exp(-k psi^2), with k = `sharpness` [1/rad^2]. With D cos(psi), which is flat about 0, searches do not aim
-    (Zagal and Ruiz-del-Solar, who give no k: 5 is our own choice).
+    (Zagal and Ruiz-del-Solar, who give no k: 5 is our own choice). At the start the body lies `ahead` and `left` [m] of
+    the base's origin; where neither is told, as the model has it.
     """
 
     kind = "kick"
     bodies = 1
-    defaults = MappingProxyType({"direction": 0.0, "sharpness": 5.0})
+    defaults = MappingProxyType({"direction": 0.0, "sharpness": 5.0, "ahead": math.nan, "left": math.nan})
+
+    def __init__(self, table: TaskTable):
+        super().__init__(table)
+        told = [name for name in ("ahead", "left") if name in table.values]
+        if len(told) == 1:
+            raise RobotError(
+                f"task {table.name!r}: {told[0]} alone",
+                expected="ahead and left, or neither where the model says where the ball lies",
+                do="correct [[tasks]] in robot.toml",
+            )
+
+    def laid(self) -> np.ndarray | None:
+        place = np.array([[self.values["ahead"], self.values["left"]]])
+        return None if np.isnan(place).any() else place
 
     def scored(self, walk: Walk) -> np.ndarray:
         if walk.bodies is None:  # nobody saw the ball

@@ -154,4 +154,5 @@ class Trials:
             threads=self._threads,
             terms=self.simulators.terms,
             slope=self.task.slope(),
+            laid=self.task.laid(),
         )

@@ -5,6 +5,7 @@ The index never sees a model or a file; brute force is its oracle, and it counts
 
 from dynreg.index.construct import build as build
 from dynreg.index.construct import extend as extend
+from dynreg.index.construct import insert as insert
 from dynreg.index.distance import Counted as Counted
 from dynreg.index.distance import Distance as Distance
 from dynreg.index.distance import To as To

@@ -1,8 +1,10 @@
-"""Growing a graph, generation by generation."""
+"""Growing a graph: generation by generation by walks over it, or by nodes whose nearest are known already."""
+
+from collections.abc import Iterable
 
 import numpy as np
 
-from dynreg.arrays import Ids
+from dynreg.arrays import Distances, Ids
 from dynreg.errors import UsageError
 from dynreg.index.distance import Distance
 from dynreg.index.graph import Graph, GraphSettings, Links, freeze, link, thaw
@@ -42,6 +44,38 @@ def extend(graph: Graph, distance: Distance, n: int) -> Graph:
     while len(graph) < n:
         graph = _add_generation(graph, links, distance, n)
     return graph
+
+
+def insert(graph: Graph, near: Iterable[tuple[Ids, Distances]]) -> Graph:
+    """The graph grown by one node after the other, linked to the `f` nearest of some that were measured.
+
+    near : for each new node, older nodes (m,) and how far they are (m,): all of them, or candidates that something
+        cheaper than the distance proposes. The graph's generations are of one node, for no node waits for another.
+
+    Raises
+    ------
+    UsageError : generations of more than one node; a distance that is NaN; a node without candidates in a graph.
+    """
+    settings = graph.settings
+    if settings.batch != 1:
+        raise UsageError(
+            f"a graph of generations of {settings.batch} nodes to insert into",
+            expected="batch = 1",
+            do="extend it by walks, or build a new one",
+        )
+    links, changed, asked = thaw(graph), set(), 0
+    for ids, distances in near:
+        ids, distances = np.asarray(ids, dtype=np.int64), np.asarray(distances, dtype=np.float64)
+        if np.isnan(distances).any() or (len(links) and not len(ids)):
+            raise UsageError(
+                f"{len(ids)} candidates of node {len(links)}, {np.isnan(distances).sum()} at a distance of NaN",
+                expected="at least one, and a number for each",
+                do="leave out the entries whose model diverged",
+            )
+        nearest = np.lexsort((ids, distances))[: settings.f]
+        changed |= link(links, ids[nearest].tolist(), distances[nearest].tolist(), settings)
+        asked += len(ids)
+    return freeze(graph, links, changed, graph.evaluations + asked)
 
 
 def _add_generation(graph: Graph, links: Links, distance: Distance, n: int) -> Graph:

@@ -35,7 +35,7 @@ class Nearest:
                 do="raise --budget",
             )
         spending = Spending(k, budget, replay=True, synthesise=self.synthesise)
-        rows = distance_query(case, None, k)
+        rows = distance_query(case, spending)
         found = retrieve(rows, guess=self.synthesise)
         choice = choose(case, found, spending)
         return Answer(

@@ -15,7 +15,7 @@ from dynreg.methods.calibrator import Evidence, Limits, Question
 from dynreg.replay.known import nominal_known
 from dynreg.rng import stream
 from dynreg.sim.robot import Robot
-from dynreg.sim.run import motor_noise
+from dynreg.sim.run import Walk, motor_noise
 
 
 class Played:
@@ -33,9 +33,13 @@ class Played:
 
     def __call__(self, gaits: np.ndarray, simulators: np.ndarray) -> np.ndarray:
         """(s, n) fitness of gaits (n, G) in simulators (s, P)."""
+        return fitness(self._task.grade(self.walk(gaits, simulators)))
+
+    def walk(self, gaits: np.ndarray, simulators: np.ndarray) -> Walk:
+        """What gaits (n, G) do in simulators (s, P): (s, n)."""
         trials = self._trials(self._robot.space.from_unit(simulators))
         self.rollouts += len(gaits) * len(simulators)
-        return fitness(trials.grades(self.genes(gaits))).T
+        return trials.walk(self.genes(gaits))
 
     def genes(self, gaits: np.ndarray) -> np.ndarray:
         """(n, G) of gaits, changed as little as need be where the robot cannot run them."""

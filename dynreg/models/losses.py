@@ -11,34 +11,51 @@ from dynreg.models.rows import checked_inputs, checked_rows
 from dynreg.models.threads import available_threads, in_threads
 
 
+class Predictor:
+    """Models held ready to predict on several sets of rows, one after the other: their weights are copied once.
+
+    stack : M models. threads : cores, all of them by default. device : "cpu" or "cuda", by default as torch sees one.
+    """
+
+    def __init__(self, stack: MlpStack, *, threads: int | None = None, device: str | None = None):
+        import torch
+
+        from dynreg.models.network import choose_device
+
+        self.sizes, self.device = stack.sizes, choose_device(device)
+        self.threads = (threads or available_threads()) if self.device == "cpu" else 1
+        layers = [torch.tensor(a, device=self.device).unbind(0) for a in (*stack.weights, *stack.biases)]
+        self._models = list(zip(*layers, strict=True))
+
+    def __len__(self) -> int:
+        return len(self._models)
+
+    def __call__(self, inputs: ndarray) -> ndarray:
+        """(M, N, S) normalised deltas for shared inputs (N, D) or the models' own (M, N, D)."""
+        import torch
+
+        x = checked_inputs(self.sizes, inputs)
+        _check_sets(len(x), len(self))
+        out = np.empty((len(self), x.shape[1], self.sizes[-1]), np.float32)
+        sets = torch.tensor(x, device=self.device)
+
+        def run(ids: ndarray) -> None:
+            forward = Forward(self.sizes, self.device)
+            for m in ids:
+                for a in range(0, x.shape[1], TILE):
+                    rows = sets[m if len(x) > 1 else 0, a : a + TILE]
+                    out[m, a : a + TILE] = forward.predict(self._models[m], rows, len(rows)).cpu().numpy()
+
+        runs = min(self.threads, max(1, len(self) * x.shape[1] // WORTH_A_THREAD))
+        in_threads(run, np.array_split(np.arange(len(self)), runs), self.threads)
+        return out
+
+
 def predict(
     stack: MlpStack, inputs: ndarray, *, threads: int | None = None, device: str | None = None
 ) -> ndarray:
     """(M, N, S) normalised deltas that the models predict for shared inputs (N, D) or their own (M, N, D)."""
-    import torch
-
-    from dynreg.models.network import choose_device
-
-    x = checked_inputs(stack.sizes, inputs)
-    _check_sets(len(x), len(stack))
-    device = choose_device(device)
-    out = np.empty((len(stack), x.shape[1], stack.sizes[-1]), np.float32)
-    sets = torch.tensor(x, device=device)
-
-    def run(ids: ndarray) -> None:
-        forward = Forward(stack.sizes, device)
-        for m in ids:
-            model = tuple(torch.tensor(a[m], device=device) for a in (*stack.weights, *stack.biases))
-            for a in range(0, x.shape[1], TILE):
-                rows = sets[m if len(x) > 1 else 0, a : a + TILE]
-                out[m, a : a + TILE] = forward.predict(model, rows, len(rows)).cpu().numpy()
-
-    threads = (threads or available_threads()) if device == "cpu" else 1
-    parts = np.array_split(
-        np.arange(len(stack)), min(threads, max(1, len(stack) * x.shape[1] // WORTH_A_THREAD))
-    )
-    in_threads(run, parts, threads)
-    return out
+    return Predictor(stack, threads=threads, device=device)(inputs)
 
 
 def losses(stack: MlpStack, inputs: ndarray, targets: ndarray, *, threads: int | None = None) -> ndarray:

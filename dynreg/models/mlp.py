@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy import ndarray
@@ -11,6 +12,19 @@ from dynreg.rng import stream
 
 HIDDEN = 128
 LAYERS = 4
+
+
+@runtime_checkable
+class Models(Protocol):
+    """Models of one shape, some of which can be taken out: an `MlpStack`, or models that are read when asked for."""
+
+    def __len__(self) -> int:
+        """How many there are."""
+        ...
+
+    def __getitem__(self, ids: ndarray) -> "MlpStack":
+        """The models `ids` (m,)."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -137,7 +151,16 @@ def _index(ids: int | Sequence[int] | ndarray) -> ndarray:
     return index.astype(int) if index.size == 0 else index
 
 
+def _single(array: ndarray) -> ndarray:
+    """Half precision as float32, by torch: the same numbers, ten times as quick as numpy makes them."""
+    if np.asarray(array).dtype != np.float16:
+        return array
+    import torch
+
+    return torch.tensor(np.ascontiguousarray(array)).float().numpy()
+
+
 def _frozen(array: ndarray) -> ndarray:
-    values = np.ascontiguousarray(array, dtype=np.float32).view()
+    values = np.ascontiguousarray(_single(array), dtype=np.float32).view()
     values.setflags(write=False)
     return values

@@ -11,7 +11,8 @@ from dynreg.models.rows import checked_rows
 from dynreg.models.threads import in_threads
 from dynreg.rng import stream
 
-GPU_CHUNK = 2048  # models at once on a GPU: 2 GB of weights, gradients and Adam's moments
+# Models at once on a GPU, no more and no fewer: kernels are chosen by the number, and with them the last bits.
+GPU_CHUNK = 256
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,8 @@ def train(
     targets : (M, N, S) normalised deltas, or (1, N, S) shared.
     chunk : models trained together on one core; 8 keep weights, gradients and moments in the cache.
     threads : cores, all of them by default.
-    device : "cpu", "cuda", ...; by default cuda where torch sees one. There, all models train at once.
+    device : "cpu", "cuda", ...; by default cuda where torch sees one. There, 256 models train at once; a smaller rest
+        is filled up with copies of its last one.
 
     Raises UsageError where shapes do not agree, a number is not finite, or training diverged.
     """
@@ -108,9 +110,10 @@ def train(
     step = max(1, chunk) if on_cpu else GPU_CHUNK
 
     def train_chunk(first: int) -> MlpStack:
-        ids = np.arange(first, min(first + step, models))
-        own = (whole if len(whole) == 1 else whole[ids] for whole in (start, x, y))
-        return _train_together(*own, len(ids), plan, device)
+        count = min(step, models - first)
+        ids = np.minimum(first + np.arange(count if on_cpu else step), models - 1)
+        own = (whole if on_cpu and len(whole) == 1 else whole[ids % len(whole)] for whole in (start, x, y))
+        return _train_together(*own, len(ids), plan, device)[:count]
 
     trained = stack_of(in_threads(train_chunk, range(0, models, step), threads if on_cpu else 1))
     check_trained(trained)

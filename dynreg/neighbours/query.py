@@ -6,9 +6,8 @@ import numpy as np
 
 from dynreg.data.recording import Recording
 from dynreg.distance.population import Population
-from dynreg.distance.query import DistanceQuery
+from dynreg.distance.query import DistanceQuery, OwnModel
 from dynreg.evidence.gaussian import Gaussian
-from dynreg.index import Graph
 from dynreg.neighbours.intervals import Evidence, Interval, estimates
 from dynreg.neighbours.judge import TWINS, Judgement, judge
 from dynreg.neighbours.make import Replaying, make
@@ -52,8 +51,13 @@ def case_of(
     return Case(population, cut, Replayer(robot, cut.windows, threads), report)
 
 
-def distance_query(case: Case, graph: Graph | None, at_least: int) -> DistanceQuery:
-    """What a distance is asked: of the recording, the rows that are not held out."""
+def distance_query(
+    case: Case, spending: Spending, *, exact: bool = False, own: OwnModel | None = None
+) -> DistanceQuery:
+    """What a distance is asked: of the recording, the rows that are not held out.
+
+    exact : whether all entries are judged. own : gives the model of rows, where it is not to be trained.
+    """
     cut, chosen = case.data, case.data.parts.chosen
 
     def replayed(unit: np.ndarray) -> np.ndarray:
@@ -62,7 +66,21 @@ def distance_query(case: Case, graph: Graph | None, at_least: int) -> DistanceQu
         return found
 
     rows = seen(on_grid(case.robot, cut.recording), cut.windows, chosen)
-    return DistanceQuery(case.population, rows, replayed, cut.known, at_least, graph, case.replayer.threads)
+    return DistanceQuery(
+        case.population,
+        rows,
+        replayed,
+        cut.known,
+        at_least=spending.k,
+        wanted=spending.entries(1, _unknown(case)),
+        exact=exact,
+        threads=case.replayer.threads,
+        own=own,
+    )
+
+
+def _unknown(case: Case) -> Unknown:
+    return Unknown(int(np.isnan(case.data.known).sum()), len(noisy_channels(case.robot)))
 
 
 @dataclass(frozen=True)
@@ -194,7 +212,7 @@ def _replayed(
         first.append(Candidate("synthesised"))
         unit.append(found.guess)
     free = np.isnan(case.data.known)
-    unknown = Unknown(int(free.sum()), len(noisy_channels(case.robot)))
+    unknown = _unknown(case)
     entries = found.ranked.order[: spending.entries(len(first), unknown)]
     first += [Candidate("neighbour", int(entry)) for entry in entries]
     units = case.data.with_known(np.array([*unit, *case.population.unit[entries]]))

@@ -6,6 +6,7 @@ from dynreg.registry.exporting import export
 from dynreg.registry.files import write_file
 from dynreg.registry.importing import Imported, open_source, take_in
 from dynreg.registry.infos import RecordingInfo, ResultRecord, RobotInfo
+from dynreg.registry.mapped import MappedModels
 from dynreg.registry.records import (
     EntryRecord,
     MeasuredEntry,
@@ -21,6 +22,7 @@ __all__ = [
     "EntryRecord",
     "Fault",
     "Imported",
+    "MappedModels",
     "MeasuredEntry",
     "PopulationArrays",
     "PopulationRecord",

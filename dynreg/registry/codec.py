@@ -38,10 +38,11 @@ def arrays_of(path: Path, data: bytes) -> tuple[dict[str, Any], dict[str, np.nda
 
 
 def decode_arrays(
-    source: Path | Remote, skip: str = "/", rows: Sequence[int] | None = None
+    source: Path | Remote, skip: str = "/", rows: Sequence[int] | None = None, only: str = ""
 ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """Header and arrays of a safetensors file, without those whose name starts with `skip`.
 
+    only : what the names of all others start with.
     rows : those along the first axis that are wanted; all by default. Of a file in a bucket nothing else is fetched.
 
     Raises CorruptError when the file is missing or not what `encode_arrays` writes.
@@ -50,10 +51,11 @@ def decode_arrays(
 
     try:
         if isinstance(source, Remote):
-            return _fetched(source, skip, rows)
+            return _fetched(source, skip, rows, only)
         with safe_open(str(source), framework="numpy") as stream:
             header = json.loads(stream.metadata()["dynreg"])
-            arrays = {key: stream.get_tensor(key) for key in stream.keys() if not key.startswith(skip)}
+            names = [name for name in stream.keys() if name.startswith(only) and not name.startswith(skip)]
+            arrays = {name: stream.get_tensor(name) for name in names}
             if rows is not None:
                 arrays = {name: array[list(rows)] for name, array in arrays.items()}
             return _object(header), arrays
@@ -69,7 +71,7 @@ _LONGEST = 1 << 24
 
 
 def _fetched(
-    file: Remote, skip: str, rows: Sequence[int] | None
+    file: Remote, skip: str, rows: Sequence[int] | None, only: str
 ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """`decode_arrays` of a file in a bucket, by ranges of its bytes; raises what an odd header makes it raise."""
     (head,) = file.ranges([(0, min(_HEAD, file.size))])
@@ -80,9 +82,8 @@ def _fetched(
         head += file.ranges([(len(head), 8 + length)])[0]
     told = json.loads(head[8 : 8 + length])
     header = _object(json.loads(told.pop("__metadata__")["dynreg"]))
-    wanted = {
-        name: _Slab.of(one, 8 + length, file.size) for name, one in told.items() if not name.startswith(skip)
-    }
+    names = [name for name in told if name.startswith(only) and not name.startswith(skip)]
+    wanted = {name: _Slab.of(told[name], 8 + length, file.size) for name in names}
     asked = {name: slab.ranges(rows) for name, slab in wanted.items()}
     parts = iter(file.ranges([one for some in asked.values() for one in some]))
     found = {name: b"".join(next(parts) for _ in some) for name, some in asked.items()}

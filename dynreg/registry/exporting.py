@@ -17,7 +17,7 @@ from dynreg.registry.references import holds
 from dynreg.registry.registry import Registry
 
 _KINDS = ("population", "entry", "recording", "measured", "robot", "simulator", "result")
-INDEXES = ("graph", "embedding")
+INDEXES = ("graph", "embedding", "judged")
 _NAMING = ("answer", "simulator", "calibrated_simulator", "extended_simulator")  # keys of results
 _RESULTS = ("document",)  # likewise: a calibration's own gait
 

@@ -1,7 +1,8 @@
 """Computed indexes, in files of their own that name their entries; the catalogue does not know them."""
 
+import hashlib
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -64,14 +65,37 @@ def get_index(
     with directory.catalog.read() as connection:
         require(connection, tables.populations, population_id, "population")
         wanted = entries_hash(connection, population_id) if entries is None else hash_of(entries)
+    return next((a for h, a in _sound(directory, population_id, key) if h["entries"] == wanted), None)
+
+
+def get_grown(
+    directory: Directory, population_id: str, key: str, entries: Sequence[str]
+) -> tuple[int, dict[str, np.ndarray]] | None:
+    """What was kept under `key` for the first of these entries, and for how many; None where there is no such thing.
+
+    entries : ids in the order of their numbers: a population that grew has more than its index was computed for.
+    """
+    known, digest = {}, hashlib.sha256()
+    for count, line in enumerate(entries, start=1):
+        digest.update(f"{line}\n".encode())
+        known[digest.hexdigest()] = count
+    found = [
+        (known[h["entries"]], a) for h, a in _sound(directory, population_id, key) if h["entries"] in known
+    ]
+    return max(found, key=lambda one: one[0], default=None)
+
+
+def _sound(
+    directory: Directory, population_id: str, key: str
+) -> Iterator[tuple[dict[str, Any], dict[str, np.ndarray]]]:
+    """Header and arrays of what is kept for a population under `key`; damaged files are passed over."""
     for name in _names(directory, population_id, key):
         try:
             header, arrays = read_index(directory.brought(name))
         except CorruptError:
             continue
-        if (header["population"], header["key"], header["entries"]) == (population_id, key, wanted):
-            return arrays
-    return None
+        if (header["population"], header["key"]) == (population_id, key):
+            yield header, arrays
 
 
 def read_index(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:

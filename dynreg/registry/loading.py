@@ -208,6 +208,17 @@ def entry_place(directory: Directory, entry_id: str) -> tuple[str, int]:
     return row.population_id, row.number
 
 
+def entry_numbers(directory: Directory, population_id: str) -> dict[str, int]:
+    """{id of an entry: its number} of a population, by number; NoMatchError where it has none yet."""
+    table = tables.entries
+    query = select(table.c.id, table.c.number).where(table.c.population_id == population_id)
+    with directory.catalog.read() as connection:
+        shards = _shards(connection, population_id)
+        rows = connection.execute(query.order_by(table.c.number)).all()
+    _check_whole(population_id, shards, np.array([row.number for row in rows], dtype=np.int64))
+    return {row.id: row.number for row in rows}
+
+
 def load_shards(directory: Directory, population_id: str) -> Iterator[tuple[int, ShardData]]:
     """The shards of a population one after the other, with the number of their first entry."""
     with directory.catalog.read() as connection:

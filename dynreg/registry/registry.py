@@ -14,6 +14,7 @@ import dynreg.registry.documents as documents
 import dynreg.registry.entries as entries
 import dynreg.registry.indexes as indexes
 import dynreg.registry.loading as loading
+import dynreg.registry.mapped as mapped
 import dynreg.registry.measured as measured
 import dynreg.registry.populations as populations
 import dynreg.registry.recordings as recordings
@@ -202,6 +203,17 @@ class Registry:
         """The models of a population's entries with these ids, a shard at a time; see `loading.load_weights`."""
         return loading.load_weights(self.directory, self._id(ref, "population"), entries)
 
+    def numbers(self, ref: str) -> dict[str, int]:
+        """{id of an entry: its number} of a population, by number; no shard is read."""
+        return loading.entry_numbers(self.directory, self._id(ref, "population"))
+
+    def models(
+        self, ref: str, numbers: Collection[int], digests: np.ndarray | None = None
+    ) -> mapped.MappedModels:
+        """The models of a population's entries, read when they are asked for; see `mapped.MappedModels`."""
+        rows = np.array([*numbers], dtype=np.int64)
+        return mapped.MappedModels(self.directory, self._id(ref, "population"), rows, digests)
+
     def entry(self, ref: str) -> tuple[str, int]:
         """The id of an entry's population, and its number in it; the entry is not read."""
         return loading.entry_place(self.directory, self._id(ref, "entry"))
@@ -290,6 +302,12 @@ class Registry:
     def index(self, ref: str, key: str, entries: Sequence[str] | None = None) -> dict[str, np.ndarray] | None:
         """An index's arrays; None where there are none for these entries (the population's present ones)."""
         return indexes.get_index(self.directory, self._id(ref, "population"), key, entries)
+
+    def grown_index(
+        self, ref: str, key: str, entries: Sequence[str]
+    ) -> tuple[int, dict[str, np.ndarray]] | None:
+        """An index's arrays for the first of these entries, and how many; see `indexes.get_grown`."""
+        return indexes.get_grown(self.directory, self._id(ref, "population"), key, entries)
 
     def cached(self, kind: str, key: Mapping[str, Any]) -> dict[str, Any] | None:
         """What `cache` kept under this key (plain JSON); None where there is nothing, or nothing that is whole."""

@@ -103,7 +103,10 @@ def tables(result: Neighbours) -> Group:
         parts.append(_channel_table(result))
     held_out = held_out_words(result.parts)
     parts += [Text(f"\n{held_out}")] if held_out else []
-    parts += [Text(f"\n{cost_words(result.cost)}"), *(Text(f"note: {note}") for note in result.notes)]
+    parts += [
+        Text(f"\n{cost_words(result.cost, result.simulators)}"),
+        *(Text(f"note: {note}") for note in result.notes),
+    ]
     parts += [Text(f"- {step}") for step in next_steps(result)]
     return Group(*parts)
 

@@ -16,6 +16,7 @@ from dynreg.results.stored import (
     Collection,
     DatasetExport,
     EntrySummary,
+    Expected,
     Import,
     Listing,
     PopulationSummary,
@@ -36,6 +37,8 @@ def tables(result: Result) -> RenderableType:
 
 @tables.register
 def _population(result: PopulationSummary) -> Group:
+    if result.expected is not None:
+        return _expected(result, result.expected)
     text = (
         f"population {result.population[:12]} of {result.robot}: {result.entries} of {result.planned}"
         f" simulators, {result.added} added in {result.seconds:.1f} s"
@@ -46,6 +49,22 @@ def _population(result: PopulationSummary) -> Group:
         ("link", result.link_seconds),
     ]
     return Group(Text(text, style="bold"), table(("step", "time [s]"), spent))
+
+
+def _expected(result: PopulationSummary, expected: Expected) -> Group:
+    """What a dry run says."""
+    total = sum(expected.seconds.values())
+    text = (
+        f"population {result.population[:12]} of {result.robot}: {result.entries} of {result.planned} simulators are"
+        f" there; {expected.missing} more take about {total / 60:.0f} min on"
+        f" {count(expected.cores, 'core')} as busy as now"
+    )
+    sizes = (
+        f"disk: about {expected.disk_bytes / 1e9:.2g} GB of {expected.free_bytes / 1e9:.0f} GB that are free; memory:"
+        f" about {expected.memory_bytes / 1e9:.1f} GB. Told from {expected.made} simulators that were not kept."
+    )
+    rows = table(("step", "time [s]"), list(expected.seconds.items()))
+    return Group(Text(text, style="bold"), rows, Text(sizes))
 
 
 @tables.register

@@ -61,9 +61,10 @@ def interval_text(e: Interval) -> str:
     return f"{number(e.value)} [{number(e.low)}, {number(e.high)}]"
 
 
-def cost_words(cost: Cost) -> str:
-    """The cost of a search."""
-    return f"cost: {cost.evaluations} distance evaluations, {cost.rollouts} simulations, {cost.seconds:.1f} s"
+def cost_words(cost: Cost, simulators: int | None = None) -> str:
+    """The cost of a search; `simulators` : of how many so many were evaluated, None where that is not known."""
+    of = "distance evaluations" if simulators is None else f"of {count(simulators, 'simulator')} evaluated"
+    return f"cost: {cost.evaluations} {of}, {cost.rollouts} simulations, {cost.seconds:.1f} s"
 
 
 def held_out_words(parts: Mapping[str, Sequence[str]]) -> str:

@@ -98,6 +98,7 @@ class Neighbours(Result):
     below, and it is never under 1.5; above it the alarm is raised, unless the search had not ended. Both are null where
     nothing was replayed, the limit also where too few simulators were. In documents without a limit, misfit is the
     error over the spread of the neighbours. cost : without these simulated robots.
+    simulators : entries of the population; `cost.evaluations` of them were evaluated. Null in older documents.
     """
 
     schema_: Literal["dynreg/neighbours/1"] = Field(default="dynreg/neighbours/1", alias="schema")
@@ -125,6 +126,7 @@ class Neighbours(Result):
     alarm: str | None
     notes: tuple[str, ...] = ()
     cost: Cost
+    simulators: int | None = None
 
     @property
     def unclear(self) -> bool:

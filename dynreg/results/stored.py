@@ -7,8 +7,24 @@ from pydantic import Field
 from dynreg.results.result import Result
 
 
+class Expected(Result):
+    """What it would cost to populate what is missing, by `made` simulators that were timed and thrown away.
+
+    seconds : by step, on so many cores. disk_bytes : of what would be written; free_bytes : of the registry's disk.
+    memory_bytes : the most at once.
+    """
+
+    made: int
+    missing: int
+    seconds: dict[str, float]
+    disk_bytes: int
+    free_bytes: int
+    memory_bytes: int
+    cores: int
+
+
 class PopulationSummary(Result):
-    """A registered population and what `populate` did."""
+    """A registered population and what `populate` did; expected : what it would do, of a dry run."""
 
     schema_: Literal["dynreg/population/1"] = Field(default="dynreg/population/1", alias="schema")
     population: str
@@ -23,6 +39,7 @@ class PopulationSummary(Result):
     own_loss_median: float | None = None
     linked: int = 0
     evaluations: int = 0
+    expected: Expected | None = None
 
 
 class RecordingSummary(Result):

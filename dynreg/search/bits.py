@@ -205,7 +205,11 @@ def begin_operon(start: Start) -> Operon:
 
 
 def roulette(
-    dimensions: int, rng: np.random.Generator, population: int, seeds: np.ndarray | None = None
+    dimensions: int,
+    rng: np.random.Generator,
+    population: int,
+    seeds: np.ndarray | None = None,
+    mutation: float = 0.005,
 ) -> BitGenetic:
     """Paper B's, in which seeds (n, P) are the first of the first generation."""
     return BitGenetic(
@@ -214,7 +218,7 @@ def roulette(
         population=population,
         selection=Roulette(),
         elite=0,
-        mutation=0.005,
+        mutation=mutation,
         digits=BYTE,
         seeds=seeds,
     )

@@ -218,7 +218,8 @@ class SimulatedRobot(RealRobot):
 
     It walks, its base is held, or it is a base on wheels. Every trial has disturbances and sensor noise of its own,
     drawn from `seed` and the number of the trial.
-    slope : angle [rad] of the ground. changes : {number of a trial: what the robot is from it on}, as it wears.
+    slope : angle [rad] of the ground. laid : where bodies beside it lie, as in `Arena`. changes : {number of a trial:
+    what the robot is from it on}, as it wears.
     """
 
     parameters: np.ndarray
@@ -226,6 +227,7 @@ class SimulatedRobot(RealRobot):
     values: tuple[np.ndarray, ...] = ()
     seed: int = 0
     slope: float = 0.0
+    laid: np.ndarray | None = None
     threads: int = 1
     changes: Mapping[int, Secret] = field(default_factory=dict)
 
@@ -243,9 +245,8 @@ class SimulatedRobot(RealRobot):
             told = {"terms": active, "threads": self.threads}
             states = rollout(truth, secret.parameters[None], run, **told).states[0, 0]
             return RealTrial(self._log(sensed(self.robot, states, rng), actions, rate, name), None)
-        arena = Arena(
-            truth, secret.parameters[None], run, terms=active, threads=self.threads, slope=self.slope
-        )
+        told = {"terms": active, "threads": self.threads, "slope": self.slope, "laid": self.laid}
+        arena = Arena(truth, secret.parameters[None], run, **told)
         walk = arena.walk(run)
         ends = int(min(walk.fell[0, 0], len(actions)))
         states = arena.rollout(run).states[0, 0, : ends + 1]

@@ -1,8 +1,10 @@
 """The gait that trials on the robot left, as a document that `dynreg export` writes for it."""
 
 import time
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from dynreg.adapt.tried import Tried
 from dynreg.gait.accept import USUAL
 from dynreg.gait.seek import expected, walked
 from dynreg.gait.tasks import Task
@@ -45,5 +47,17 @@ def best_gait(
         history=(),
         evaluations=len(found.tried),
         resumed=0,
+        notes=(_on_robot(found.tried, found.best, task),),
     )
     return registry.put_result(made.schema_name(), None, made.to_dict()), made
+
+
+def _on_robot(tried: Sequence[Tried], best: Tried, task: Task) -> str:
+    """What the robot did: all else in the document is simulated."""
+    own, every = len(best.trials), sum(len(one.trials) for one in tried)
+    falls = sum(one.fell for one in tried)
+    unit = "" if task.unit == "1" else f" {task.unit}"
+    return (
+        f"on the robot: {best.score:.4g}{unit}, the mean of {own} of {every} trials there, of which {falls} ended with"
+        " a fall; all other figures are simulated"
+    )

@@ -1,6 +1,8 @@
 """Diagnose: which physical causes a simulator of a recorded robot lacks."""
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
@@ -8,7 +10,7 @@ from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.errors import UsageError, command
 from dynreg.evidence.many import MANY
 from dynreg.progress import Progress
-from dynreg.verbs.settings import Settings, hold_out, option, seed, threads
+from dynreg.verbs.settings import Settings, address, executor, hold_out, option, seed, threads
 from dynreg.verbs.simulators import NAMES, NOMINAL, OLD, own, simulator
 
 if TYPE_CHECKING:
@@ -17,8 +19,10 @@ if TYPE_CHECKING:
     from dynreg.diagnose.diagnose import Diagnosed
     from dynreg.evidence.lockstep import Search
     from dynreg.results.diagnosis import Diagnosis
+    from dynreg.sim.config import SimConfig
     from dynreg.sim.effects import Terms
     from dynreg.sim.robot import Robot
+    from dynreg.verbs.nulls import HandedOut
     from dynreg.verbs.subjects import Recorded
 
 MOST_CAUSES = 10
@@ -142,6 +146,8 @@ class DiagnoseSettings(Settings):
     windows: int | None = windows()
     ranker: str = ranker()
     threads: int = threads()
+    executor: str = executor()
+    address: str | None = address()
 
     def __post_init__(self) -> None:
         from dynreg.sim.effects import effect
@@ -198,8 +204,11 @@ def diagnose(asked: "Recorded", settings: DiagnoseSettings, progress: Progress |
     start = None
     if settings.start != NOMINAL:
         start = own(simulator(registry, settings.start, robot, recording.id), robot).config
-    search = _then_judged(find(robot, recording, options, start, cache=registry, progress=progress), progress)
-    (made, seen), rollouts = run(counted(with_account(search, options)), threads=options.threads)
+    with _nulls(asked, settings, start) as nulls:
+        search = find(robot, recording, options, start, cache=registry, progress=progress, nulls=nulls)
+        search = with_account(_then_judged(search, progress), options)
+        (made, seen), rollouts = run(counted(search), threads=options.threads)
+        rollouts += nulls.rollouts if nulls else 0
     if progress:
         progress(JUDGED, 1, 1)
     ids = {kind: _register(asked, robot, kind, *one) for kind, one in seen.simulators.items()}
@@ -210,6 +219,30 @@ def diagnose(asked: "Recorded", settings: DiagnoseSettings, progress: Progress |
         found, again = _told_apart(asked, found, options, progress)
     cost = cost.model_copy(update={"rollouts": rollouts + again, "seconds": time.perf_counter() - began})
     return found.model_copy(update={"cost": cost})
+
+
+@contextmanager
+def _nulls(
+    asked: "Recorded", settings: DiagnoseSettings, start: "SimConfig | None"
+) -> "Iterator[HandedOut | None]":
+    """What computes the threshold's robots elsewhere, for the length of a block; None where this process does it."""
+    from dynreg.executor import opened
+    from dynreg.verbs.nulls import HandedOut, null_of_diagnosis
+    from dynreg.verbs.plain import plain_recording, plain_robot
+
+    with opened(settings.executor, settings.address, settings.threads) as executor:
+        if executor.workers == 1 or not settings.threshold_runs:
+            yield None
+            return
+        job = {
+            "registry": str(asked.registry.path.resolve()),
+            "robot": plain_robot(asked.robot),
+            "recording": plain_recording(asked.recording),
+            "start": None if start is None else start.as_dict(),
+            "options": vars(settings.options),
+            "threads": executor.threads,
+        }
+        yield HandedOut(executor, null_of_diagnosis, job)
 
 
 def _then_judged(search: "Search[Diagnosed]", progress: Progress | None) -> "Search[Diagnosed]":

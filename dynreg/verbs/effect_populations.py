@@ -2,8 +2,6 @@
 
 import hashlib
 import json
-import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,15 +14,16 @@ from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Problem, planned
 from dynreg.diagnose.ranking.draws import NONE_OF
 from dynreg.diagnose.ranking.entries import Entries, entries
+from dynreg.diagnose.ranking.features import Frame
 from dynreg.diagnose.ranking.population import EffectPopulation, bare, gathered
 from dynreg.diagnose.threshold import commands
 from dynreg.errors import CorruptError, NoMatchError, UsageError
 from dynreg.evidence.lockstep import run
 from dynreg.neighbours.entries import Stopwatch
 from dynreg.registry import PopulationRecord, Registry, ShardData
-from dynreg.sim.robot import Robot
+from dynreg.sim.robot import Robot, load_robot
 from dynreg.verbs.accepted import accept
-from dynreg.verbs.populations import WAIT, columns_of
+from dynreg.verbs.populations import columns_of
 from dynreg.verbs.subjects import EFFECTS, Recorded
 
 INDEX = "effects"  # under which the features' directions and the classifier are kept
@@ -46,6 +45,9 @@ class Posed:
     def keys(self) -> tuple[str, ...]:
         """Of the terms that entries carry."""
         return tuple(term.key for term in self.problem.terms)
+
+
+_HELD: dict[str, tuple[Posed, Frame]] = {}  # of what this process makes entries, by population
 
 
 def posed(asked: Recorded, seed: int, threads: int) -> Posed:
@@ -106,29 +108,48 @@ def begin(registry: Registry, robot: Robot, given: Posed, n: int) -> str:
     return given.id
 
 
-def fill(
-    registry: Registry, given: Posed, threads: int, watch: Stopwatch, report: Callable[[int], None]
-) -> int:
-    """Make and store the entries that are missing, and wait for those of other processes: how many it added."""
-    problem, total = given.problem, 0
-    robot = noisier(problem.model.robot, given.noise)
-    frame = run(bare(problem.model, problem.data), threads=threads)
-    while spans := registry.missing_spans(given.id):
-        added = 0
-        for first, stop in spans:
-            with registry.claim(given.id, first) as mine:
-                if not mine:
-                    continue
-                numbers = range(first, stop)
-                with watch.of("simulate"):
-                    made = run(entries(frame, problem.terms, robot, numbers, given.seed), threads=threads)
-                added += len(registry.put_shard(given.id, first, _shard(made, problem)))
-            report(registry.count(given.id))
-        if not added:
-            time.sleep(WAIT)
-            report(registry.count(given.id))
-        total += added
-    return total
+def hold(given: Posed, threads: int) -> None:
+    """Keep a posed recording, with the simulators without an effect beside which entries are told, for `fill_span`."""
+    problem = given.problem
+    _HELD.clear()  # one alone: it is large
+    _HELD[given.id] = given, run(bare(problem.model, problem.data), threads=threads)
+
+
+def fill_span(
+    registry: str, population: str, span: tuple[int, int], threads: int
+) -> tuple[int, dict[str, float]]:
+    """Make and store the entries of a missing span; see `populations.fill_span`.
+
+    A process that does not hold the population poses its recording, as the registry has it, anew. Raises CorruptError
+    where that is another one than the population's.
+    """
+    watch = Stopwatch()
+    with Registry.open(registry) as opened, opened.claim(population, span[0]) as mine:
+        if not mine:
+            return 0, {}
+        with watch.of("simulate"):
+            if population not in _HELD:
+                hold(_posed_anew(opened, population, threads), threads)
+            given, frame = _HELD[population]
+            problem = given.problem
+            robot = noisier(problem.model.robot, given.noise)
+            made = run(entries(frame, problem.terms, robot, range(*span), given.seed), threads=threads)
+        added = len(opened.put_shard(population, span[0], _shard(made, problem)))
+    return added, dict(watch.seconds)
+
+
+def _posed_anew(registry: Registry, population: str, threads: int) -> Posed:
+    record = registry.population(population)
+    robot = load_robot(registry.robot_folder(record.robot_hash))
+    like = str(record.spec["like"])
+    given = posed(Recorded(registry, robot, registry.recording(like), like), record.seed, threads)
+    if given.id != population:
+        raise CorruptError(
+            f"recording {like[:12]} does not give the problem of population {population[:12]}",
+            expected="the recording, the robot and the version of dynreg that the population was begun with",
+            do="run `dynreg verify`, or begin another population",
+        )
+    return given
 
 
 def _shard(made: Entries, problem: Problem) -> ShardData:

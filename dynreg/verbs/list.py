@@ -71,11 +71,14 @@ def _results(registry: Registry) -> Iterator[Row]:
     for record in [registry.result(i) for i in registry.ids("result")]:
         detail = {"recording": record.recording_id[:12]} if record.recording_id else {}
         detail |= {name: record.document[name] for name in TELLING if record.document.get(name) is not None}
-        yield record.id, record.kind, record.document.get("robot", ""), detail | _on_robot(record.document)
+        yield record.id, record.kind, record.document.get("robot", ""), detail | _score(record.document)
 
 
-def _on_robot(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Of a calibration that tried the robot: task, trials, falls, and the best score; else nothing."""
+def _score(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Of a gait what a trial is expected to score; of a calibration that tried the robot task, trials, falls, and the
+    best score; else nothing."""
+    if (expected := document.get("expected")) and document.get("schema", "").startswith("dynreg/gait/"):
+        return {"expected_score": round(expected["median"], 4)}
     told = document.get("on_robot")
     if not told:
         return {}

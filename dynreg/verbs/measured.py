@@ -1,13 +1,17 @@
 """Real robots as entries: a recording's own model, registered beside those of simulators."""
 
+import base64
+import hashlib
 import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from typing import TypeVar
 
+import numpy as np
+
 from dynreg.data.recording import Recording
 from dynreg.distance.population import Population, Shared
-from dynreg.distance.query import DistanceQuery, own_model, transitions_of
+from dynreg.distance.query import DistanceQuery, OwnModel, own_model, transitions_of
 from dynreg.distance.rows import Rows, recording_rows
 from dynreg.distance.table import DISTANCES
 from dynreg.errors import CorruptError, Damaged, LogError
@@ -18,6 +22,7 @@ from dynreg.results.neighbours import MeasuredNeighbour
 from dynreg.verbs.subjects import Recorded
 
 T = TypeVar("T")
+KEPT = "models"  # the folder of the cache that keeps the models of recordings
 
 
 def register_measured(asked: Recorded, population: Population, *, threads: int = 0) -> str | None:
@@ -34,7 +39,7 @@ def register_measured(asked: Recorded, population: Population, *, threads: int =
         return held
     rows = rows_of(shared, recording)
     try:
-        model = own_model(shared, rows, threads)
+        model = kept_model(registry, population.id)(shared, rows, threads)
     except LogError:
         return None
     own, trained = (float(losses(model, *part)[0]) for part in (rows.held, rows.train))
@@ -42,6 +47,38 @@ def register_measured(asked: Recorded, population: Population, *, threads: int =
         return None
     weights = {name: array[0] for name, array in model.as_arrays().items()}
     return registry.put_measured(MeasuredEntry(population.id, recording.id, weights, own, trained))
+
+
+def kept_model(registry: Registry, population_id: str) -> OwnModel:
+    """Gives the model of a recording's rows in a population: trained once, and kept for whoever asks with these rows.
+
+    A query that holds rows out trains on the others, so that the stored entry of a recording, which saw all of it, is
+    not asked.
+    """
+
+    def model(shared: Shared, rows: Rows, threads: int) -> MlpStack:
+        digest = hashlib.sha256()
+        for array in rows.train:
+            digest.update(str(array.shape).encode())
+            digest.update(np.ascontiguousarray(array, dtype=np.float32))
+        key = {"population": population_id, "rows": digest.hexdigest()}
+        held = registry.cached(KEPT, key)
+        if held is not None:
+            return MlpStack.from_arrays({name: _array(*told) for name, told in held.items()})
+        made = own_model(shared, rows, threads)
+        registry.cache(KEPT, key, {name: _told(array) for name, array in made.as_arrays().items()})
+        return made
+
+    return model
+
+
+def _told(array: np.ndarray) -> tuple[str, list[int]]:
+    """Half-precision weights as JSON: their bytes in base64, and their shape."""
+    return base64.b64encode(np.ascontiguousarray(array, dtype="<f2")).decode(), list(array.shape)
+
+
+def _array(told: str, shape: list[int]) -> np.ndarray:
+    return np.frombuffer(base64.b64decode(told), dtype="<f2").reshape(shape)
 
 
 def near_measured(

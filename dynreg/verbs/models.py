@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dynreg.distance.population import JUDGED_ON, Shared
+from dynreg.distance.cross_loss import JUDGED_ON
+from dynreg.distance.population import Shared
 from dynreg.distance.rows import thin
 from dynreg.errors import UsageError
 from dynreg.index import search
@@ -16,7 +17,7 @@ from dynreg.models.mlp import MlpStack, stack_of
 from dynreg.registry import Registry
 from dynreg.rng import stream
 from dynreg.verbs.measured import each_sound, model_of, rows_of
-from dynreg.verbs.populations import load_graph, load_population, shared_of
+from dynreg.verbs.populations import load_population, shared_of
 from dynreg.verbs.simulators import told_last
 
 if TYPE_CHECKING:
@@ -78,18 +79,17 @@ def near_entries(registry: Registry, ref: str, k: int) -> "pd.DataFrame":
         raise UsageError(f"k = {k}", expected="at least 1", do="ask for one neighbour or more")
     kind, identity = registry.resolve(told_last(registry, ref), ("entry", "measured"))
     record = registry.population(_population_of(registry, kind, identity))
-    graph = load_graph(registry, record.id)
-    if graph is None:
+    population = load_population(registry, record.id, judged=True)
+    if population.graph is None:
         raise UsageError(
             f"population {record.id[:12]} is not linked",
             expected="a graph over its entries",
             do="run `dynreg populate` again without --no-link",
         )
-    population = load_population(registry, record.id, states=True)
     own = _judged(registry, population.shared, kind, identity)
     to = population.cross_loss.query(own.model, own.inputs, own.targets, own.loss)
     count = min(k + 1, len(population))
-    found = search(graph, to, count, stream(record.seed, "neighbours"), ef=max(2 * count, 30))
+    found = search(population.graph, to, count, stream(record.seed, "neighbours"), ef=max(2 * count, 30))
     ids, numbers = population.entries.ids, population.entries.numbers
     rows = [
         (float(d), ids[i], "entry", f"{record.name}-{numbers[i]}")

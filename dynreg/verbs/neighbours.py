@@ -57,6 +57,7 @@ class Subject:
             k=self.spending.k,
             measured=self.measured,
             parts=case.data.named,
+            simulators=len(case.population),
             **judged,
         )
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from dynreg.errors import UsageError
 from dynreg.progress import Progress
-from dynreg.verbs.settings import Settings, option, seed, threads
+from dynreg.verbs.settings import Settings, address, executor, option, seed, threads
 
 if TYPE_CHECKING:
     from dynreg.distance.population import Training
@@ -22,12 +22,18 @@ class PopulateSettings(Settings):
     seed: int = seed()
     ranges: str | None = option(None, "Named parameter ranges of robot.toml.")
     shard_size: int = option(200, "Simulators that are stored together.", flag=None, least=1)
-    link: bool = option(True, "Also build the search graph.")
+    link: bool = option(True, "Also link the new simulators in the search graph.")
+    relink: bool = option(False, "Build the search graph anew.", flag="--relink")
+    dry_run: bool = option(
+        False, "Tell disk, time and memory by a few simulators, and keep nothing.", flag="--dry-run"
+    )
     effects: bool = option(
         False, "Give each simulator one effect, or none, under the commands of a recording."
     )
     like: str | None = option(None, "With --effects: the recording.", metavar="RECORDING")
     threads: int = threads()
+    executor: str = executor()
+    address: str | None = address()
 
 
 def populate(
@@ -44,20 +50,29 @@ def populate(
     Entry i has the parameters of row i of the Sobol sequence over the robot's ranges. It is simulated with the commands
     of the shared bank and with its own motor noise; its model is warm-started from the base model. Its bytes depend
     only on the robot, the seed and i. An interrupted populate resumes. Several processes share the work, and each
-    returns when all entries are done.
+    returns when all entries are done: those of an executor take a shard each.
 
     With `effects` the entries carry one effect each, or none, under the commands of the recording `like`.
+
+    With `dry_run` a few simulators are made in a temporary folder, and tell what those that are missing would cost.
 
     Raises UsageError where n is below 1, and where only one of `effects` and `like` is given.
     """
     if n < 1:
         raise UsageError(f"{n} simulators", expected="at least 1", do="ask for more, such as -n 1000")
-    registry.check_writable()
+    if not settings.dry_run:
+        registry.check_writable()
     if settings.effects != (settings.like is not None):
         raise UsageError(
             "--effects without --like" if settings.effects else "--like without --effects",
             expected="both: effects are told apart under the commands of a recording",
             do="add the other, such as --effects --like RECORDING",
+        )
+    if settings.effects and settings.dry_run:
+        raise UsageError(
+            "--dry-run with --effects",
+            expected="one of them",
+            do="leave --dry-run out: such populations are small",
         )
     if settings.effects:
         return with_effects(registry, robot, n, settings, progress)
@@ -76,23 +91,28 @@ def with_models(
     from numpy import median
 
     from dynreg.distance.population import Training
+    from dynreg.executor import opened
     from dynreg.neighbours.entries import Stopwatch
     from dynreg.results.stored import PopulationSummary
     from dynreg.sim.robot import with_population
+    from dynreg.verbs.foretold import foretell
     from dynreg.verbs.populations import Plan, begin, fill, link
 
     report, watch, began = progress or (lambda *_: None), Stopwatch(), time.perf_counter()
     plan = Plan(n, settings.seed, training or Training(), settings.shard_size, settings.threads)
     robot = robot if settings.ranges is None else with_population(robot, settings.ranges)
-    identity, shared = begin(registry, robot, plan, watch, report)
+    if settings.dry_run:
+        return foretell(registry, robot, plan, report, linked=settings.link)
     advance = lambda there: report("simulators", min(there, n), n)  # noqa: E731
-    added = fill(registry, identity, shared, settings.threads, watch, advance)
+    with opened(settings.executor, settings.address, settings.threads) as executor:
+        identity = begin(registry, robot, plan, watch, report)
+        added = fill(registry, identity, executor, watch, advance)
     linked, evaluations = 0, 0
     if settings.link:
         report("link", 0, 1)
-        if added or registry.index(identity, "graph") is None:
+        if added or settings.relink or registry.index(identity, "graph") is None:
             with watch.of("link"):
-                linked, evaluations = link(registry, identity, threads=settings.threads)
+                linked, evaluations = link(registry, identity, threads=settings.threads, anew=settings.relink)
         report("link", 1, 1)
     own = registry.load(identity, ()).own_loss
     return PopulationSummary(
@@ -116,18 +136,21 @@ def with_effects(
 ) -> "PopulationSummary":
     """Extend a population of simulators that carry one effect or none to n entries; see `populate`."""
     from dynreg.diagnose.guided import keep
+    from dynreg.executor import opened
     from dynreg.neighbours.entries import Stopwatch
     from dynreg.results.stored import PopulationSummary
-    from dynreg.verbs.effect_populations import begin, fill, held, posed
+    from dynreg.verbs.effect_populations import begin, fill_span, held, hold, posed
+    from dynreg.verbs.populations import fill
     from dynreg.verbs.subjects import recorded
 
     report, watch, began = progress or (lambda *_: None), Stopwatch(), time.perf_counter()
-    given = posed(
-        recorded(registry, settings.like, robot, None, ingest=True), settings.seed, settings.threads
-    )
-    identity = begin(registry, robot, given, n)
     advance = lambda there: report("simulators", min(there, n), n)  # noqa: E731
-    added = fill(registry, given, settings.threads, watch, advance)
+    with opened(settings.executor, settings.address, settings.threads) as executor:
+        like = recorded(registry, settings.like, robot, None, ingest=True)
+        given = posed(like, settings.seed, settings.threads)
+        identity = begin(registry, robot, given, n)
+        hold(given, settings.threads)
+        added = fill(registry, identity, executor, watch, advance, fill_span)
     report("link", 0, 1)
     with watch.of("train"):
         population, _, _ = held(registry, identity)

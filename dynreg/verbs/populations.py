@@ -7,13 +7,14 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+import dynreg.verbs.linking as linking
 from dynreg.data.recording import Channel
 from dynreg.data.trajectories import Columns
-from dynreg.distance.embedding import Embedding, fit_embedding
-from dynreg.distance.population import Entries, Population, Shared, Training, cross_loss
+from dynreg.distance.cross_loss import Judged
+from dynreg.distance.population import Entries, Population, Shared, Training
 from dynreg.errors import CorruptError, NoMatchError
-from dynreg.index import Counted, Graph, GraphSettings, build
-from dynreg.models.mlp import MlpStack
+from dynreg.executor import Executor
+from dynreg.index import Graph
 from dynreg.neighbours.entries import (
     Made,
     Stopwatch,
@@ -51,8 +52,8 @@ def begin(
     plan: Plan,
     watch: Stopwatch,
     report: Progress,
-) -> tuple[str, Shared]:
-    """The id of a population, and what its entries share: as the registry holds it, else made."""
+) -> str:
+    """The id of a population, registered with what its entries share: as the registry holds it, else made."""
     identity = population_id(robot, plan.seed, plan.training)
     accept(registry, robot)
     registry.put_robot(robot.files, robot.hash, robot.name)
@@ -60,7 +61,7 @@ def begin(
     if known is not None:
         if plan.n > known.size:
             registry.put_population(replace(known, size=plan.n))
-        return identity, _shared(robot, known)
+        return identity
     report("base model", 0, 1)
     with watch.of("base"):
         shared = make_shared(robot, plan.seed, plan.training, plan.threads)
@@ -83,7 +84,7 @@ def begin(
         parameter_units=tuple(p.unit for p in robot.space.parameters),
     )
     registry.put_population(record)
-    return identity, shared
+    return identity
 
 
 def columns_of(robot: Robot) -> Columns:
@@ -108,31 +109,49 @@ def _held(registry: Registry, identity: str) -> PopulationRecord | None:
 def fill(
     registry: Registry,
     identity: str,
-    shared: Shared,
-    threads: int,
+    executor: Executor,
     watch: Stopwatch,
     report: Callable[[int], None],
+    made_by: Callable[..., tuple[int, dict[str, float]]] | None = None,
 ) -> int:
-    """Make and store the entries that are missing, and wait for those that other processes make: how many it added.
+    """Have the missing entries made and stored, a shard a job, and wait for other processes: how many were added.
 
-    A claim of another process ends with it. report : called with how many entries are there.
+    A claim of another process ends with it. report : called with how many entries are there. made_by : makes a shard,
+    as `fill_span`, the usual one, does.
     """
+    told = {"registry": str(registry.path.resolve()), "population": identity, "threads": executor.threads}
     total = 0
     while spans := registry.missing_spans(identity):
         added = 0
-        for first, stop in spans:
-            with registry.claim(identity, first) as mine:
-                if not mine:
-                    continue
-                data = shard(make_entries(shared, np.arange(first, stop), threads, watch))
-                with watch.of("store"):
-                    added += len(registry.put_shard(identity, first, data))
-            report(registry.count(identity))
+        for made, seconds in executor.map(made_by or fill_span, [told | {"span": span} for span in spans]):
+            added += made
+            watch.seconds.update(seconds)
+            if made:
+                report(registry.count(identity))
         if not added:
             time.sleep(WAIT)
             report(registry.count(identity))
         total += added
     return total
+
+
+def fill_span(
+    registry: str, population: str, span: tuple[int, int], threads: int
+) -> tuple[int, dict[str, float]]:
+    """Make and store the entries of a missing span, unless another process does: how many, and the seconds by part.
+
+    registry : its path. Their bytes depend on the population and their numbers alone, and they are entered at once, so
+    that a job whose process was lost, or that is done twice, leaves what one that ends well leaves.
+    """
+    watch = Stopwatch()
+    with Registry.open(registry) as held, held.claim(population, span[0]) as mine:
+        if not mine:
+            return 0, {}
+        shared = shared_of(held, held.population(population))
+        data = shard(make_entries(shared, np.arange(*span), threads, watch))
+        with watch.of("store"):
+            added = len(held.put_shard(population, span[0], data))
+    return added, dict(watch.seconds)
 
 
 def shard(made: Made) -> ShardData:
@@ -142,51 +161,54 @@ def shard(made: Made) -> ShardData:
     return ShardData(made.values, made.states, weights, *losses, extra, made.periods)
 
 
-def link(registry: Registry, population: str, *, threads: int = 0) -> tuple[int, int]:
-    """Build the graph over cross-losses and the embedding of all entries, and keep them in the registry's index.
-
-    Returns the number of linked entries and of distance evaluations. Both can always be rebuilt.
-    """
-    shared = shared_of(registry, registry.population(population))
-    entries = registry.load(population)
-    stack = MlpStack.from_arrays(entries.weights)
-    distance = Counted(cross_loss(shared, entries.states, stack, threads=threads))
-    graph = build(distance, len(entries), GraphSettings(seed=shared.seed))
-    registry.put_index(population, "graph", graph.to_arrays(), entries.ids)
-    embedding = fit_embedding(stack, shared.base, shared.probes)
-    arrays = embedding.as_arrays() | {"vectors": embedding.vectors(stack)}
-    registry.put_index(population, "embedding", arrays, entries.ids)
-    return len(entries), distance.evaluations
+def link(registry: Registry, population: str, *, threads: int = 0, anew: bool = False) -> tuple[int, int]:
+    """Link the entries that are not linked yet, or all of them `anew`; see `linking.link`."""
+    return linking.link(
+        registry, population, shared_of(registry, registry.population(population)), threads=threads, anew=anew
+    )
 
 
-def ready(asked: Recorded, ref: str | None, *, states: bool = False) -> Population:
+def ready(asked: Recorded, ref: str | None, *, states: bool = False, judged: bool = False) -> Population:
     """The population to ask about a recording: `ref`, or the only one of its robot; the last stays loaded.
 
     Raises as `population_for`.
     """
     registry, key = asked.registry, population_for(asked, ref)
     held_key, held = _READY.get(registry, (None, None))
-    if held_key != key or (states and held.entries.states is None):
-        held = load_population(registry, key[0], states=states)
+    lacks = held is None or (states and held.entries.states is None) or (judged and held.judged is None)
+    if held_key != key or lacks:
+        held = load_population(registry, key[0], states=states, judged=judged)
         _READY[registry] = (key, held)
     return held
 
 
-def load_population(registry: Registry, ref: str, *, states: bool = False) -> Population:
-    """A population held ready for queries; its embedding is rebuilt where the index lacks it."""
+def load_population(
+    registry: Registry, ref: str, *, states: bool = False, judged: bool = False
+) -> Population:
+    """A population held ready for queries; what its index lacks is computed, models are read when they are asked for.
+
+    states : whether what all entries did is read. judged : whether the rows are that judge them by cross-loss.
+    """
     record = registry.population(ref)
     shared = shared_of(registry, record)
-    held = registry.load(ref, ("states", "weights") if states else ("weights",))
-    stack = MlpStack.from_arrays(held.weights)
-    arrays = registry.index(ref, "embedding", held.ids)  # not one for entries that others added meanwhile
-    if arrays is None:
-        embedding = fit_embedding(stack, shared.base, shared.probes)
-        vectors = embedding.vectors(stack)
+    numbers = registry.numbers(ref)
+    ids = tuple(numbers)  # an index of entries that others add meanwhile is none of these
+    arrays = registry.index(ref, "embedding", ids)
+    if arrays is not None and "digests" in arrays:
+        embedded = linking.Embedded.from_arrays(arrays)
+        stack = linking.StoredModels(registry.models(ref, numbers.values(), embedded.digests))
     else:
-        vectors = arrays["vectors"]
-        embedding = Embedding(*(arrays[k] for k in ("probes", "base", "mean", "components")))
-    entries = Entries(held.ids, held.numbers, held.values, held.states, held.train_loss)
-    return Population(record.id, shared, entries, stack, embedding, np.asarray(vectors, dtype=float))
+        stack = linking.StoredModels(registry.models(ref, numbers.values()))
+        embedded = linking.embed(registry, ref, ids, shared, stack)
+    rows = registry.index(ref, "judged", ids) if judged else None
+    if judged:
+        rows = linking.judge(registry, ref, ids, shared, stack) if rows is None else Judged(**rows)
+    did = registry.load(ref, ("states",)).states if states else None
+    places = np.array(list(numbers.values()), dtype=np.int64)
+    entries = Entries(ids, places, embedded.values, did, embedded.train_loss)
+    vectors = np.asarray(embedded.vectors, dtype=float)
+    graph = load_graph(registry, ref, ids)
+    return Population(record.id, shared, entries, stack, embedded.embedding, vectors, graph, rows)
 
 
 def load_graph(registry: Registry, ref: str, entries: Sequence[str] | None = None) -> Graph | None:

@@ -29,6 +29,9 @@ class QuerySettings(Settings):
         True, "Replay the commands in the nearest simulators and rank them by replay error."
     )
     synthesise: bool = option(True, "Make a new simulator from the neighbours.")
+    exact: bool = option(
+        False, "Judge every simulator of the population, rather than those that a walk over its graph passes."
+    )
     hold_out: str | None = hold_out()
     budget: int | None = option(
         None,
@@ -43,6 +46,11 @@ class QuerySettings(Settings):
     def states(self) -> bool:
         """Whether the population must be loaded with the entries' states."""
         return needs(self.distance, "states")
+
+    @property
+    def judged(self) -> bool:
+        """Whether the population must be loaded with the rows that judge its entries."""
+        return needs(self.distance, "judged")
 
 
 def query(
@@ -76,16 +84,16 @@ def query(
     from dynreg.neighbours.retrieve import retrieve
     from dynreg.neighbours.spending import Spending, usual_budget
     from dynreg.verbs.causes import looks_like
-    from dynreg.verbs.measured import near_measured, register_measured
+    from dynreg.verbs.measured import kept_model, near_measured, register_measured
     from dynreg.verbs.neighbours import Subject, judged, unjudged
-    from dynreg.verbs.populations import load_graph, ready
+    from dynreg.verbs.populations import ready
     from dynreg.verbs.subjects import named_effects
 
     if population is None and (effects := named_effects(asked, settings.population)) is not None:
         return looks_like(asked, effects, settings, progress)
     began, k, recording = time.perf_counter(), settings.k, asked.recording
     if population is None:
-        population = ready(asked, settings.population, states=settings.states)
+        population = ready(asked, settings.population, states=settings.states, judged=settings.judged)
     if k > len(population):
         raise UsageError(
             f"k = {k}",
@@ -96,11 +104,9 @@ def query(
     spending = Spending(k, budget, settings.replay, settings.synthesise)
     report = progress or (lambda *_: None)
     case = case_of(population, recording, hold_out=settings.hold_out, threads=settings.threads, report=report)
-    graph = None
-    if needs(settings.distance, "graph"):
-        graph = load_graph(asked.registry, population.id, population.entries.ids)
     report("retrieve", 0, 1)
-    rows = distance_query(case, graph, k)
+    own = kept_model(asked.registry, population.id)
+    rows = distance_query(case, spending, exact=settings.exact, own=own)
     found = retrieve(rows, settings.distance, guess=settings.synthesise)
     report("retrieve", 1, 1)
     measured = near_measured(asked, rows, found.distance_name, k)

@@ -218,7 +218,8 @@ def read_score(path: Path, unit: str = "") -> float | None:
 def _measure(task: Task) -> str:
     """What a task scores, in the words of its kind, with its numbers."""
     said = " ".join((inspect.getdoc(type(task)) or "the score that you give").partition("\n\n")[0].split())
-    numbers = ", ".join(f"{name} = {value:.6g}" for name, value in task.values.items())
+    told = {name: value for name, value in task.values.items() if not math.isnan(value)}
+    numbers = ", ".join(f"{name} = {value:.6g}" for name, value in told.items())
     return f"{said} ({numbers})" if numbers else said
 
 

@@ -17,6 +17,7 @@ from dataclasses import MISSING, Field, dataclass, field, fields
 from typing import Any, TypeVar, get_args
 
 from dynreg.errors import OldWord, UsageError
+from dynreg.executor import LOCAL, NAMES
 from dynreg.search.table import SEARCHES
 
 Wrapped = TypeVar("Wrapped", bound=Callable[..., Any])
@@ -112,6 +113,20 @@ def option(default: Any, help: str, **how: Any) -> Any:
 def threads() -> Any:
     """The setting that every verb has which simulates."""
     return option(0, "Simulation threads.", usual="all cores", least=0, shared=True)
+
+
+def executor() -> Any:
+    """The setting that every verb has whose work divides into independent jobs; see `executor.opened`."""
+    return option(LOCAL, "What does the work: this process, or workers of Ray.", choices=NAMES, shared=True)
+
+
+def address() -> Any:
+    """The setting that goes with `executor`."""
+    return option(
+        None,
+        "With --executor ray: HOST:PORT of a Ray cluster.",
+        usual="RAY_ADDRESS, else workers on this machine",
+    )
 
 
 def seed() -> Any:

@@ -1,15 +1,18 @@
 """Trial: how often a diagnosis names the right effect on simulated robots with a hidden effect."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dynreg.errors import UsageError
 from dynreg.progress import Progress
 from dynreg.verbs.diagnose import threshold_runs
-from dynreg.verbs.settings import Settings, option, seed, threads
+from dynreg.verbs.settings import Settings, address, executor, option, seed, threads
 
 if TYPE_CHECKING:
+    from dynreg.diagnose.trial import Trial, Trials
     from dynreg.results.trials import TrialTable
+    from dynreg.sim.robot import Robot
     from dynreg.verbs.verb import Built
 
 HIDES = ("drawn", "chosen", "nothing", "every")
@@ -48,6 +51,8 @@ class TrialSettings(Settings):
     engine: str | None = option(None, "Engine of the diagnosis.", usual="the robot's first")
     threshold_runs: int = threshold_runs()
     threads: int = threads()
+    executor: str = executor()
+    address: str | None = address()
 
     def __post_init__(self) -> None:
         from dynreg.sim.effects import term
@@ -76,24 +81,66 @@ def trial(asked: "Built", settings: TrialSettings, progress: Progress | None = N
 
     Example: dynreg trial servo_pendulum --effect load_friction --size weak -n 10
     """
-    from dynreg.diagnose.trial import Trials, trial_threshold
-    from dynreg.evidence.truth import protocol
-    from dynreg.results.trials import TrialTable
-    from dynreg.verbs.trials import independent_jobs, jobs, results_of
+    from dynreg.diagnose.trial import trial_threshold
+    from dynreg.executor import opened
+    from dynreg.results.trials import TrialResult, TrialTable
+    from dynreg.verbs.nulls import HandedOut, null_of_trials
+    from dynreg.verbs.plain import plain_robot
 
-    report = progress or (lambda *_: None)
-    plan = protocol(asked.robot, seed=settings.seed, seconds=settings.seconds)
-    what = asked.robot, settings.hide, settings.effects, settings.size, settings.count, settings.seed
-    todo = jobs(*what) if settings.truth == "own" else independent_jobs(*what, settings.physics)
-    how = settings.engine, settings.threshold_runs, settings.threads, settings.seed, settings.truth
-    trials = Trials(asked.robot, plan, *how)
-    needed = trial_threshold(trials, asked.registry, progress)
-    results = []
-    for number in range(0, len(todo), TOGETHER):
-        report("trials", number, len(todo))
-        results += results_of(trials, todo[number : number + TOGETHER], needed)
-    report("trials", len(todo), len(todo))
+    report, many, results = progress or (lambda *_: None), len(todo_of(asked.robot, settings)), []
+    told = {"robot": plain_robot(asked.robot), "settings": vars(settings)}
+    with opened(settings.executor, settings.address, settings.threads) as executor:
+        told["threads"] = executor.threads
+        nulls = HandedOut(executor, null_of_trials, told) if executor.workers > 1 else None
+        trials = trials_of(asked.robot, settings, executor.threads)
+        needed = trial_threshold(trials, asked.registry, progress, nulls)
+        size = min(TOGETHER, -(-many // executor.workers))
+        spans = [(first, min(first + size, many)) for first in range(0, many, size)]
+        jobs = [told | {"span": span, "needed": vars(needed)} for span in spans]
+        report("trials", 0, many)
+        for some in executor.map(tried_some, jobs):
+            results += [TrialResult(**one) for one in some]
+            report("trials", len(results), many)
     notes = [
         f"threshold: {needed.nats:.3g} nats, from {settings.threshold_runs} simulated robots without an effect"
     ]
     return TrialTable.of(asked.robot.name, results, notes)
+
+
+def trials_of(robot: "Robot", settings: TrialSettings, threads: int) -> "Trials":
+    """The simulated robots of a trial, under its protocol. Raises UsageError as `protocol`."""
+    from dynreg.diagnose.trial import Trials
+    from dynreg.evidence.truth import protocol
+
+    plan = protocol(robot, seed=settings.seed, seconds=settings.seconds)
+    how = settings.engine, settings.threshold_runs, threads, settings.seed, settings.truth
+    return Trials(robot, plan, *how)
+
+
+def todo_of(robot: "Robot", settings: TrialSettings) -> "list[Trial]":
+    """What each robot of a trial hides. Raises UsageError where it cannot."""
+    from dynreg.verbs.trials import independent_jobs, jobs
+
+    what = robot, settings.hide, settings.effects, settings.size, settings.count, settings.seed
+    return jobs(*what) if settings.truth == "own" else independent_jobs(*what, settings.physics)
+
+
+def tried_some(
+    robot: Mapping[str, Any],
+    settings: Mapping[str, Any],
+    span: Sequence[int],
+    needed: Mapping[str, Any],
+    threads: int,
+) -> list[dict[str, Any]]:
+    """The results of some of a trial's robots: those from number `span[0]` to before `span[1]`, in lockstep.
+
+    robot : see `plain_robot`. settings, needed : of `TrialSettings` and of a `Threshold`.
+    """
+    from dynreg.diagnose.threshold import Threshold
+    from dynreg.verbs.plain import robot_from
+    from dynreg.verbs.trials import results_of
+
+    built, told = robot_from(robot), TrialSettings(**settings)
+    todo = todo_of(built, told)[slice(*span)]
+    found = results_of(trials_of(built, told, threads), todo, Threshold(**needed))
+    return [one.model_dump() for one in found]

@@ -185,6 +185,64 @@ def test_gaits_that_the_robot_plays_alike_are_tried_as_one() -> None:
     assert world.apart(np.array([0.1, 0.8, 0.3, 0.999]), GAIT[None] * [1, 1, 1, 0])[0] == pytest.approx(0.001)
 
 
+def test_seeds_are_in_the_first_generation_and_no_gait_is_tried_before_the_simulator_has_run_it() -> None:
+    """The best for the simulator is handed over; random ones would not be near it after one generation."""
+    best = np.append(BEGIN, 0.2)
+    rules = replace(SMALL, iterations=1, first=1, stand=1, steps=0)
+    world = World(scores, Robot(), lambda step: stream(4, "toy", step))
+    found = back_to_reality(world, rules, np.empty((0, 4)), BEGIN, FREE, seeds=best[None])
+    first = found.tried[0]
+    assert np.abs(first.gait - best).max() < 1 / 255 and first.simulated > 0.99
+    without = back_to_reality(world, rules, np.empty((0, 4)), BEGIN, FREE)
+    assert without.tried[0].simulated < 0.95
+
+
+def test_a_bit_turns_by_the_chance_that_the_rules_say() -> None:
+    asked: dict[float, list[np.ndarray]] = {}
+    for mutation in (0.001, 0.2):
+        seen = asked.setdefault(mutation, [])
+
+        def play(gaits: np.ndarray, simulators: np.ndarray, seen: list = seen) -> np.ndarray:
+            seen.append(gaits)
+            return np.ones((len(simulators), len(gaits)))
+
+        rules = replace(SMALL, iterations=1, first=2, gaits=40, mutation=mutation, steps=0)
+        world = World(play, Robot(), lambda step: stream(4, "toy", step))
+        back_to_reality(world, rules, np.empty((0, 4)), BEGIN, FREE, seeds=np.tile(GAIT, (40, 1)))
+    new = {m: float((np.abs(seen[1] - seen[0][0]).max(axis=1) > 0).mean()) for m, seen in asked.items()}
+    assert new[0.001] < 0.2 < 0.95 < new[0.2], "32 bits a gait"
+
+
+def test_the_search_for_gaits_ends_once_one_scores_enough_in_the_simulator() -> None:
+    asked = []
+
+    def play(gaits: np.ndarray, simulators: np.ndarray) -> np.ndarray:
+        asked.append(scores(gaits, simulators).max())
+        return scores(gaits, simulators)
+
+    rules = replace(SMALL, iterations=1, steps=0, hope=0.8)
+    run(Robot(1), rules, play=play)
+    assert len(asked) < rules.first and asked[-1] >= 0.8 > max(asked[:-1])
+
+
+def test_with_more_simulators_a_gait_counts_by_the_worst_and_one_that_is_good_in_one_alone_is_not_taken() -> (
+    None
+):
+    """A gait with a high last gene scores 1 in the simulator itself, and nothing a hair beside it."""
+
+    def play(gaits: np.ndarray, simulators: np.ndarray) -> np.ndarray:
+        exact = np.abs(simulators - BEGIN).max(axis=1) < 1e-9
+        fluke = (gaits[:, 3] > 0.5)[None] & exact[:, None]
+        return np.where(fluke, 1.0, np.where(gaits[:, 3] > 0.5, 0.0, 0.5 * scores(gaits, simulators)))
+
+    found = {}
+    for near in (1, 3):
+        rules = replace(SMALL, iterations=1, steps=0, near=near, stand=3)
+        found[near] = run(Robot(tall=1.0), rules, play=play, gaits=np.empty((0, 4))).tried[0]
+    assert found[1].gait[3] > 0.5 and found[1].simulated == 1.0
+    assert found[3].gait[3] <= 0.5 and 0.2 < found[3].simulated < 0.5
+
+
 def spoilt(robot: Robot) -> Reached:
     """The signed difference leads the simulator away: its gaits fall on a robot that slips far from the best."""
     rules = replace(SMALL, iterations=3, later=20, difference="signed", enough=0.01, steps=0)
@@ -345,10 +403,12 @@ def test_no_more_simulations_are_run_than_the_budget_allows(share: float) -> Non
         ({"steps": -1}, "steps = -1; expected 0 or more"),
         ({"variations": 1}, "variations = 1; expected 2 or more"),
         ({"lost": 1.0}, "lost = 1.0; expected a share"),
+        ({"mutation": 0.0}, "mutation = 0.0; expected a share"),
         ({"enough": float("nan")}, "enough = nan; expected a share"),
         ({"difference": "none"}, "difference = 'none'; expected one of"),
         ({"goal": float("nan")}, "goal = nan; expected a score"),
         ({"goal": float("inf")}, "goal = inf; expected a score"),
+        ({"hope": float("nan")}, "hope = nan; expected a score"),
     ],
 )
 def test_sizes_that_make_no_sense_are_refused(wrong: dict, message: str) -> None:

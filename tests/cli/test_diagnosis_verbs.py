@@ -42,6 +42,7 @@ def test_diagnose_passes_its_options_on(dynreg, session) -> None:
     line += " --max-causes 2 --engine joint --seed 3 --threshold-runs 5 --tolerance 2"
     line += (
         " --horizon 3 --robot leg --map m.toml --threads 2 --joints knee,hip_roll --windows 4 --ranker off"
+        " --executor ray --address head:6379"
     )
     assert dynreg(*line.split()).status == 0
     ((verb, given, named),) = session.asked
@@ -63,6 +64,8 @@ def test_diagnose_passes_its_options_on(dynreg, session) -> None:
         "robot": "leg",
         "log_map": Path("m.toml"),
         "threads": 2,
+        "executor": "ray",
+        "address": "head:6379",
         "progress": named["progress"],
     }
 
@@ -119,6 +122,7 @@ def test_report_writes_the_page_of_a_stored_one(result, dynreg, session, tmp_pat
 def test_trial_passes_its_options_on(dynreg, session) -> None:
     line = "trial servo_pendulum --effect backlash[arm]+payload --size weak -n 4 --seed 2 --seconds 30"
     line += " --truth independent --physics other --engine joint --threshold-runs 0 --threads 1"
+    line += " --executor ray"
     dynreg(*line.split())
     ((verb, (robot,), named),) = session.asked
     assert verb == "trial" and robot.name == "servo_pendulum" and session.created
@@ -134,6 +138,8 @@ def test_trial_passes_its_options_on(dynreg, session) -> None:
         "engine": "joint",
         "threshold_runs": 0,
         "threads": 1,
+        "executor": "ray",
+        "address": None,
         "progress": named["progress"],
     }
 

@@ -15,7 +15,7 @@ SOURCES = Path(dynreg.__file__).parent
 OPTION = re.compile(r"(?<![\w-])--[a-z][\w-]*")
 COMMAND = re.compile(r"dynreg ((?:robots )?[a-z]+)\b([^`;&|\n]*)")
 BENCH = re.compile(r"make bench-(\w+) ARGS=(\"[^\"]*\"|[^\s`]+)")
-OF_OTHERS = {"--play", "--seeds", "--without-effects"}  # of examples and of a benchmark
+OF_OTHERS = {"--play", "--seeds", "--without-effects", "--head"}  # of examples, a benchmark, Ray
 
 
 def options() -> dict[str, set[str]]:

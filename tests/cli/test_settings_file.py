@@ -47,12 +47,20 @@ def test_every_setting_can_come_from_the_environment() -> None:
         "k": "4",
         "distance": "embedding",
         "budget": "9",
+        "executor": "ray",
         "quiet": "true",
     }
     assert set(given) == set(Settings.model_fields)
     found = read_settings(None, {f"DYNREG_{key.upper()}": value for key, value in given.items()})
     assert found == Settings(
-        registry=Path("r"), threads=2, seed=5, k=4, distance="embedding", budget=9, quiet=True
+        registry=Path("r"),
+        threads=2,
+        seed=5,
+        k=4,
+        distance="embedding",
+        budget=9,
+        executor="ray",
+        quiet=True,
     )
 
 

@@ -54,7 +54,8 @@ def test_populate_passes_its_options_on(dynreg, session) -> None:
     ((verb, given, named),) = session.asked
     assert (verb, given) == ("populate", ("quadruped", 8))
     told = {"seed": 3, "ranges": "slow", "link": False, "threads": 2, "shard_size": 200}
-    told |= {"effects": False, "like": None}
+    told |= {"effects": False, "like": None, "executor": "local", "address": None}
+    told |= {"relink": False, "dry_run": False}
     assert named == told | {"progress": named["progress"]}
 
 
@@ -96,6 +97,7 @@ def test_query_passes_its_options_on(dynreg, session) -> None:
         "population": "p",
         "replay": False,
         "synthesise": False,
+        "exact": False,
         "hold_out": "kp=400",
         "budget": 50,
         "robot": "leg",

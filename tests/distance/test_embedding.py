@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from planted_family import family
 
-from dynreg.distance.embedding import Embedding, fit_embedding
+from dynreg.distance.embedding import Embedding, fit_embedding, principal
 from dynreg.models.losses import predict
 from dynreg.models.mlp import MlpStack, initial
 from dynreg.rng import stream
@@ -61,3 +61,14 @@ def test_it_comes_back_from_its_arrays(models, probes):
     again = Embedding(**embedding.as_arrays())
     np.testing.assert_array_equal(again.vectors(models), embedding.vectors(models))
     assert embedding.vectors(models).shape == (60, 59), "60 points span 59 dimensions"
+
+
+@pytest.mark.parametrize("points", [40, 41, 90])
+def test_the_directions_are_those_of_a_singular_value_decomposition(points):
+    """Whether there are fewer points than columns, as many, or more."""
+    spread = 0.8 ** np.arange(40)
+    cloud = stream(points, "cloud").normal(size=(points, 40)) * spread
+    centred = cloud - cloud.mean(axis=0)
+    found, right = principal(centred, 12), np.linalg.svd(centred, full_matrices=False)[2][:12]
+    np.testing.assert_allclose(np.abs((found * right).sum(axis=1)), 1.0, atol=1e-6)
+    np.testing.assert_allclose(found @ found.T, np.eye(12), atol=1e-6)

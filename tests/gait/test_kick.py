@@ -98,6 +98,34 @@ def test_a_trial_on_a_simulated_robot_tells_where_the_ball_went(dog, trials) -> 
     assert trials.task.grade(trial.walk)[0, 0] > 0.2
 
 
+def laid(ahead: float, left: float) -> Kick:
+    values = {"ahead": ahead, "left": left}
+    return Kick(TaskTable(name="kick", kind="kick", motion="kick", seconds=2.0, values=values))
+
+
+def test_a_ball_lies_where_the_task_says_and_else_where_the_model_has_it(dog, trials) -> None:
+    assert trials.task.laid() is None
+    simulators = Simulators(np.tile(dog.space.nominal, (2, 1)))
+    told = {"rate": dog.rate, "threads": 1}
+    moved = Trials(dog, laid(0.2, -0.15), simulators, **told).walk(motions(trials))
+    assert np.allclose(moved.bodies[:, :, 0, 0, :2], [0.2, -0.15])
+    assert np.allclose(moved.bodies[:, 0, -1, 0], [0.2, -0.15, 0.03], atol=1e-3), "nothing kicks it"
+    usual = trials.walk(motions(trials)).bodies[0, :, 0, 0, :2]
+    same = Trials(dog, laid(*usual[0]), simulators, **told).grades(motions(trials))
+    assert same[:, 0] == pytest.approx(trials.grades(motions(trials))[:, 0], abs=0.02)
+
+
+def test_a_simulated_robot_s_ball_lies_where_it_is_laid(dog, trials) -> None:
+    still = trials.space.targets(motions(trials)[:1], trials.times)[0]
+    real = SimulatedRobot(dog, dog.space.nominal, seed=1, laid=np.array([[0.2, -0.15]]))
+    assert real.run(still, dog.rate).walk.bodies[0, 0, -1, 0, :2] == pytest.approx([0.2, -0.15], abs=1e-3)
+
+
+def test_half_a_place_is_refused() -> None:
+    with pytest.raises(RobotError, match="task 'k': left alone; expected ahead and left"):
+        Kick(TaskTable(name="k", values={"left": 0.1}))
+
+
 def test_a_ball_is_no_foot_of_the_left_side(dog, tmp_path) -> None:
     bare = load_robot(toy_dog.folder(tmp_path / "dog", toy_dog.walking(), MORE))
     names = [[robot.model.geom(int(g)).name for g in left_feet(robot)] for robot in (bare, dog)]

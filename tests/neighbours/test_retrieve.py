@@ -20,14 +20,14 @@ from dynreg.replay.cut import windows
 from dynreg.replay.known import known_values
 from dynreg.replay.windows import Replayer, errors
 from dynreg.sim.engines import rollout
-from dynreg.verbs import populations
+from dynreg.verbs import linking, populations
 from dynreg.verbs.populations import load_graph, load_population
 
 
 @pytest.fixture(scope="module")
 def population(servos):
     (record,) = servos.registry.populations()
-    return load_population(servos.registry, record.id, states=True)
+    return load_population(servos.registry, record.id, states=True, judged=True)
 
 
 @pytest.fixture(scope="module")
@@ -58,10 +58,9 @@ def replay_of(population, recording: Recording) -> Callable[[np.ndarray], np.nda
 @pytest.fixture(scope="module")
 def found_in(servos, population) -> Callable[..., Retrieved]:
     """Retrieves from the population for a recording."""
-    graph = load_graph(servos.registry, population.id)
 
     def found(recording: Recording, distance: str = "auto", *, guess: bool = True, known=None) -> Retrieved:
-        query = DistanceQuery(population, recording, replay_of(population, recording), known, graph=graph)
+        query = DistanceQuery(population, recording, replay_of(population, recording), known, wanted=ENTRIES)
         return retrieve(query, distance, guess=guess)
 
     return found
@@ -75,7 +74,8 @@ def test_an_entry_s_own_run_finds_the_entry(found_in, population, distance, entr
     at = int(np.flatnonzero(found.order == entry)[0])
     # the printed algorithm returns what its greedy walks met; the training losses are the weaker reading
     assert at == 0 if distance in ("one_sided", "embedding", "trajectory", "replay") else at < 5
-    assert sorted(found.order) == list(range(ENTRIES)), "all are ranked, each once"
+    assert len(set(found.order)) == len(found.order) <= ENTRIES, "each is ranked once"
+    assert len(found.order) == ENTRIES or distance == "cross_loss_printed"
     known = found.distance[np.isfinite(found.distance)]
     assert (np.diff(known) >= 0).all() and len(known) >= 1
 
@@ -179,9 +179,9 @@ def test_what_was_linked_while_others_added_entries_is_not_kept(registry_folder,
         def grow_first(*given):
             monkeypatch.undo()
             opened.populate("servo_pendulum", 10, training=tiny_registry.QUICK)
-            return populations.fit_embedding(*given)
+            return linking.fit_embedding(*given)
 
-        monkeypatch.setattr(populations, "fit_embedding", grow_first)
+        monkeypatch.setattr(linking, "fit_embedding", grow_first)
         assert populations.link(opened.registry, identity)[0] == len(before) == 8
         assert len(opened.registry.index(identity, "embedding")["vectors"]) == 10
         assert len(load_population(opened.registry, identity).vectors) == 10

@@ -81,6 +81,12 @@ def test_a_simulated_robot_is_calibrated_by_its_scores_alone(
     listed = next(i for i in opened.list("result").items if i.name == "calibration").detail
     best = found.on_robot.tried[found.on_robot.best - 1]
     assert (listed["trials"], listed["score"]) == (found.cost.trials, pytest.approx(best.score, abs=1e-4))
+    gait = opened.result(found.on_robot.document)
+    told = next(i for i in opened.list("result").items if i.name == "gait").detail
+    assert told["expected_score"] == pytest.approx(gait.expected.median, abs=1e-4)
+    (note,) = gait.notes
+    assert f"{best.score:.4g} m, the mean of {len(best.trials)} of {found.cost.trials} trials there" in note
+    assert f"{found.cost.falls} ended with a fall" in note
     assert Calibration.model_validate(found.to_dict()) == found
     text = page(found)
     assert "trials on the robot" in text and "difference of simulated and real scores" in text

@@ -7,10 +7,13 @@ import pytest
 from dynreg.diagnose.guided import keep, kept
 from dynreg.errors import NoMatchError, UsageError
 from dynreg.evidence.truth import hide, log_of, protocol
+from dynreg.executor import Local
+from dynreg.neighbours.entries import Stopwatch
 from dynreg.session import Session, open
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
-from dynreg.verbs.effect_populations import posed
+from dynreg.verbs.effect_populations import begin, fill_span, hold, posed
+from dynreg.verbs.populations import fill
 from dynreg.verbs.simulators import stored
 from dynreg.verbs.subjects import population_for, recorded
 
@@ -51,6 +54,20 @@ def test_a_population_grows_and_its_first_entries_stay(session, grown) -> None:
     after = session.registry.load(identity, ()).ids
     assert len(after) == MORE and after[:FEW] == before
     assert session.verify().clean
+
+
+def test_a_worker_poses_the_recording_anew_and_makes_the_same_entries(grown, tmp_path) -> None:
+    with open(tmp_path / "other") as other:
+        registry = other.registry
+        for seed, cause, name in ((5, "torque_limit", "monday"), (6, None, "tuesday")):
+            other.ingest(recording_of(seed, cause), ROBOT, name=name)
+        monday, tuesday = (
+            posed(recorded(registry, name, None, None, ingest=False), 0, 1) for name in ("monday", "tuesday")
+        )
+        identity = begin(registry, load_robot(ROBOT), monday, FEW)
+        hold(tuesday, 1)  # as a worker that has made entries of another population
+        assert fill(registry, identity, Local(1), Stopwatch(), lambda _: None, fill_span) == FEW
+        assert (identity, registry.load(identity, ()).ids) == grown
 
 
 def test_a_query_shows_what_the_recording_looks_like(session, grown) -> None:

@@ -26,7 +26,7 @@ def scaled(factor: float) -> str:
 
 def test_neighbours_are_the_nearest_by_brute_force(reg):
     ids = list(reg.population("servo_pendulum").id)
-    population = load_population(reg.registry, "servo_pendulum", states=True)
+    population = load_population(reg.registry, "servo_pendulum", judged=True)
     matrix = population.cross_loss.matrix()
     for own in (0, 5):
         near = reg.neighbours(ids[own], 3)

@@ -62,7 +62,7 @@ class Arena:
     """B simulators, each for E episodes, set up and settled once on MuJoCo; every run starts there.
 
     `run` gives the number of episodes and all but the commands: settings, inputs, initial states, period, noise.
-    slope : angle [rad] of the ground, rising ahead of the robot.
+    slope : angle [rad] of the ground, rising ahead of the robot. laid : where bodies beside it lie; see `Simulations`.
     """
 
     def __init__(
@@ -74,13 +74,14 @@ class Arena:
         threads: int = 0,
         terms: Terms | None = None,
         slope: float = 0.0,
+        laid: np.ndarray | None = None,
     ):
         from dynreg.sim.engines.arena import Simulations
 
         self._values, self._shape = values, (len(values), run.episodes)
         case = Case(values, run, terms).crossed()
         self._simulations = Simulations(
-            robot, case.values, case.run, threads=threads, terms=case.terms, slope=slope
+            robot, case.values, case.run, threads=threads, terms=case.terms, slope=slope, laid=laid
         )
 
     def rollout(self, run: Run) -> Rollout:

@@ -37,7 +37,8 @@ class Simulations:
     """N simulations, set up and settled once; every run starts there, with other commands.
 
     `run` has an episode for each; it gives all but the commands: settings, inputs, initial states, period, noise.
-    slope : angle [rad] of the ground, rising ahead of the robot: gravity is turned.
+    slope : angle [rad] of the ground, rising ahead of the robot: gravity is turned. laid : (n, 2) where the first n of
+    the tracked bodies lie [m], x and y of a world in which the base starts at 0; by default as the model has them.
     """
 
     def __init__(
@@ -49,6 +50,7 @@ class Simulations:
         threads: int = 0,
         terms: Terms | None = None,
         slope: float = 0.0,
+        laid: np.ndarray | None = None,
     ):
         robot = modelled(robot, terms, len(values))
         model, self.layout = compiled(robot)
@@ -77,6 +79,8 @@ class Simulations:
         told = [values, self._inputs[:, 0], *(terms.values if terms else ())]
         told += [] if run.settings is None else [run.settings]
         reset(robot, batch, model, self.layout, run, ports, told)
+        if laid is not None:
+            batch.bind("qpos")[:, self.layout.tracked[: len(laid), None] + np.arange(2)] = laid
         for a in on(self._active, "begin"):
             a.effect.begin(robot, batch, a.rows)
         self._start = {name: batch.bind(name).copy() for name in _KEPT}

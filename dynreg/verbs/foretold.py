@@ -1,0 +1,128 @@
+"""What it will cost to populate, told from a few simulators that are made in a temporary folder."""
+
+import shutil
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from dynreg.distance.linking import CANDIDATES
+from dynreg.distance.population import Training
+from dynreg.errors import NoMatchError
+from dynreg.executor import Local
+from dynreg.models.threads import available_threads
+from dynreg.neighbours.entries import Stopwatch, make_shared, population_id
+from dynreg.progress import Progress
+from dynreg.registry import Registry
+from dynreg.results.stored import Expected, PopulationSummary
+from dynreg.sim.robot import Robot
+from dynreg.verbs.populations import Plan, begin, fill, link
+
+MADE = 8, 32  # simulators: those that warm up, and all, of which the others are timed
+SMALL = 8, 2  # configurations and epochs of the base model that is made for them
+FOLDERS = ("shards", "index")
+KEPT = 3  # times that the index is in memory while it grows: as it was, as it is, and as bytes
+
+
+def foretell(
+    registry: Registry, robot: Robot, plan: Plan, report: Progress, *, linked: bool = True
+) -> PopulationSummary:
+    """What is left to do for a population of `plan.n` would take; nothing of it is kept."""
+    began = time.perf_counter()
+    identity = population_id(robot, plan.seed, plan.training)
+    try:
+        held = registry.count(identity)
+        planned = max(plan.n, registry.population(identity).size)
+    except NoMatchError:
+        held, planned = 0, plan.n
+    with tempfile.TemporaryDirectory() as folder:
+        told = _measured(Path(folder) / "registry", robot, plan, report)
+    missing = max(planned - held, 0)
+    each = told.each | ({} if linked else {"link": 0.0})
+    seconds = {step: missing * spent for step, spent in each.items()}
+    seconds["base"] = told.base if missing and not held else 0.0
+    expected = Expected(
+        made=MADE[1],
+        missing=missing,
+        seconds=seconds,
+        disk_bytes=round(missing * told.shards + planned * told.index * linked),
+        free_bytes=shutil.disk_usage(registry.path).free,
+        memory_bytes=round(told.memory(min(plan.shard_size, missing), planned * linked)),
+        cores=plan.threads or available_threads(),
+    )
+    return PopulationSummary(
+        population=identity,
+        robot=robot.name,
+        entries=held,
+        planned=planned,
+        added=0,
+        seconds=time.perf_counter() - began,
+        expected=expected,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Told:
+    """What a few simulators took.
+
+    each : seconds of a simulator by step. base : seconds of the base model. shards, index : bytes of a simulator.
+    resident, growth : bytes of memory for all, and more for each simulator that is made at once.
+    """
+
+    each: Mapping[str, float]
+    base: float
+    shards: float
+    index: float
+    resident: float
+    growth: float
+
+    def memory(self, at_once: int, entries: int) -> float:
+        """The most memory [bytes], with so many made at once and so many in the index."""
+        made = self.resident + self.growth * max(at_once - MADE[1], 0)
+        return max(made, self.resident + KEPT * self.index * entries)
+
+
+def _measured(place: Path, robot: Robot, plan: Plan, report: Progress) -> _Told:
+    configurations, epochs = SMALL
+    small = replace(plan.training, base_configurations=configurations, base_epochs=epochs)
+    (few, all_made), here = MADE, Local(plan.threads)
+    with Registry.open(place, create=True) as scratch:
+        trial = Plan(few, plan.seed, small, all_made, plan.threads)
+        identity = begin(scratch, robot, trial, Stopwatch(), report)
+        fill(scratch, identity, here, Stopwatch(), lambda there: None)
+        warm, watch = _peak(), Stopwatch()
+        with watch.of("base"):
+            make_shared(robot, plan.seed, small, plan.threads)
+        begin(scratch, robot, replace(trial, n=all_made), watch, report)
+        fill(scratch, identity, here, watch, lambda there: report("trial", there, all_made))
+        resident = _peak()
+        with watch.of("link"):
+            linked, evaluations = link(scratch, identity, threads=plan.threads)
+        sizes = {name: _bytes(place / name) / all_made for name in FOLDERS}
+    more = all_made - few
+    each = {step: watch.seconds[step] / more for step in ("simulate", "train", "store")}
+    each["link"] = watch.seconds["link"] / evaluations * CANDIDATES
+    base = _base(plan.training, watch.seconds["base"], each)
+    return _Told(each, base, *(sizes[name] for name in FOLDERS), resident, (resident - warm) / more)
+
+
+def _base(training: Training, spent: float, each: Mapping[str, float]) -> float:
+    """Seconds of a population's own base model: its simulations cost what those of its entries cost."""
+    configurations, epochs = SMALL
+    trained = max(spent - configurations * each["simulate"], 0.0) / (configurations * epochs)
+    rows = training.base_configurations
+    return rows * each["simulate"] + trained * rows * training.base_epochs
+
+
+def _bytes(folder: Path) -> int:
+    return sum(path.stat().st_size for path in folder.iterdir() if path.is_file())
+
+
+def _peak() -> float:
+    """The most memory that this process had [bytes]; 0 where the system does not tell it."""
+    try:
+        import resource
+    except ImportError:
+        return 0.0
+    return 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

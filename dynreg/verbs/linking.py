@@ -1,0 +1,161 @@
+"""Linking: what a population's index keeps of its entries, for those that came since it was linked last.
+
+Three indexes stand beside the shards: "embedding" (what a query must know of every entry), "graph", and "judged" (the
+rows on which cross-losses are measured). All can be made again from the shards.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynreg.distance.cross_loss import CrossLoss, Judged
+from dynreg.distance.embedding import Embedding, fit_embedding
+from dynreg.distance.linking import link_entries, new_graph
+from dynreg.distance.population import Shared, judged_entries
+from dynreg.index import Graph
+from dynreg.models.mlp import MlpStack
+from dynreg.models.threads import single_threaded
+from dynreg.registry import MappedModels, Registry
+
+FITTED = 500  # entries to which the embedding is fitted: the first ones, so that it stays when others come
+_MAP = ("probes", "base", "mean", "components")  # arrays of the embedding itself
+
+
+class StoredModels:
+    """The models of a population's entries, read from its shards when they are asked for."""
+
+    def __init__(self, mapped: MappedModels):
+        self.mapped = mapped
+
+    def __len__(self) -> int:
+        return len(self.mapped)
+
+    def __getitem__(self, ids: np.ndarray) -> MlpStack:
+        return MlpStack.from_arrays(self.mapped.take(np.asarray(ids)))
+
+
+@dataclass(frozen=True, eq=False)
+class Embedded:
+    """What a query must know of every entry: embedding and vectors (M, D'), values (M, P), train_loss (M,).
+
+    digests : (M,) of the models, by which each is compared alone when it is read; None in indexes without them.
+    """
+
+    embedding: Embedding
+    vectors: np.ndarray
+    values: np.ndarray
+    train_loss: np.ndarray
+    digests: np.ndarray | None
+
+    def __len__(self) -> int:
+        return len(self.vectors)
+
+    def as_arrays(self) -> dict[str, np.ndarray]:
+        """Arrays by name, for the index."""
+        own = {name: array for name, array in vars(self).items() if name != "embedding"}
+        return self.embedding.as_arrays() | own
+
+    @classmethod
+    def from_arrays(cls, arrays: dict[str, np.ndarray]) -> "Embedded":
+        """The inverse of `as_arrays`."""
+        told = {name: arrays[name] for name in ("vectors", "values", "train_loss", "digests")}
+        return cls(Embedding(*(arrays[name] for name in _MAP)), **told)
+
+
+@dataclass(frozen=True, eq=False)
+class Linked:
+    """The indexes of the first entries of a population, all of the same ones."""
+
+    embedded: Embedded
+    judged: Judged
+    graph: Graph
+
+
+def link(
+    registry: Registry, ref: str, shared: Shared, *, threads: int = 0, anew: bool = False
+) -> tuple[int, int]:
+    """Link the entries that are not in the index yet, or all of them `anew`; keep it, where nobody has added others.
+
+    Returns the number of linked entries and of distances evaluated for them. The index is the same bytes whether the
+    population came at once or grew, on any number of threads.
+    """
+    numbers = registry.numbers(ref)
+    ids = tuple(numbers)
+    held = None if anew else _linked(registry, ref, ids)
+    stack = StoredModels(registry.models(ref, numbers.values()))
+    before = new_graph(shared.seed) if held is None else held.graph
+    with single_threaded():  # what is worth more cores asks for them itself
+        embedded = embed(registry, ref, ids, shared, stack, None if held is None else held.embedded)
+        judged = judge(registry, ref, ids, shared, stack, None if held is None else held.judged)
+        distance = CrossLoss(stack, judged.inputs, judged.targets, judged.own, threads=1)
+        graph = link_entries(before, embedded.vectors, distance, threads)
+    for key, arrays in (("graph", graph.to_arrays()), ("embedding", embedded.as_arrays())):
+        registry.put_index(ref, key, arrays, ids)
+    registry.put_index(ref, "judged", judged.as_arrays(), ids)
+    return len(ids), graph.evaluations - before.evaluations
+
+
+def _linked(registry: Registry, ref: str, ids: Sequence[str]) -> Linked | None:
+    """What is kept for the first of these entries; None where it cannot be gone on with."""
+    found = [registry.grown_index(ref, key, ids) for key in ("embedding", "judged", "graph")]
+    if None in found or len({count for count, _ in found}) != 1 or found[0][0] < FITTED:
+        return None
+    embedded, judged, graph = (arrays for _, arrays in found)
+    known, grown = embedded.get("digests"), Graph.from_arrays(graph)
+    if known is None or grown.settings != new_graph(grown.settings.seed).settings:
+        return None  # by an older version
+    return Linked(Embedded.from_arrays(embedded), Judged(**judged), grown)
+
+
+def embed(
+    registry: Registry,
+    ref: str,
+    ids: Sequence[str],
+    shared: Shared,
+    stack: StoredModels,
+    held: Embedded | None = None,
+) -> Embedded:
+    """The embedding of the entries `ids`; what is `held` of the first ones stays."""
+    first = 0 if held is None else len(held)
+    if held is None:
+        some = stack[np.arange(min(FITTED, len(stack)))]
+        embedding = fit_embedding(some, shared.base, shared.probes)
+    else:
+        embedding = held.embedding
+    vectors, digests = [], []
+    for part in _parts(first, len(stack)):
+        vectors.append(embedding.vectors(stack[part]))
+        digests.append(stack.mapped.digests_of(part))
+    if held is not None:
+        vectors, digests = [held.vectors, *vectors], [held.digests, *digests]
+    told = registry.load(ref, ())
+    place = {identity: row for row, identity in enumerate(told.ids)}  # others may have come meanwhile
+    rows = np.array([place[identity] for identity in ids])
+    about = told.values[rows], told.train_loss[rows]
+    return Embedded(embedding, np.concatenate(vectors), *about, np.concatenate(digests))
+
+
+def judge(
+    registry: Registry,
+    ref: str,
+    ids: Sequence[str],
+    shared: Shared,
+    stack: StoredModels,
+    held: Judged | None = None,
+) -> Judged:
+    """The rows on which the entries `ids` are judged; what is `held` of the first ones stays."""
+    found = [] if held is None else [held]
+    first = 0 if held is None else len(held)
+    new = ids[first:]
+    for part in registry.parts(ref, new) if new else ():
+        rows = np.arange(first, first + len(part.entries))
+        (run,) = part.read()
+        found.append(judged_entries(shared, run.states, stack[rows]))
+        first += len(rows)
+    columns = zip(*(vars(one).values() for one in found), strict=True)
+    return Judged(*(np.concatenate(column) for column in columns))
+
+
+def _parts(first: int, stop: int, size: int = 50) -> list[np.ndarray]:
+    return [np.arange(at, min(at + size, stop)) for at in range(first, stop, size)]

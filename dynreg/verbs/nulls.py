@@ -1,0 +1,85 @@
+"""The simulated robots without an effect that set a threshold, diagnosed by the workers of an executor: one a job."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from dynreg.executor import Executor
+
+if TYPE_CHECKING:
+    from dynreg.evidence.lockstep import Search
+
+Null = tuple[
+    float, float, int
+]  # score [nats], ratio, and how many simulations they took; see `threshold.null`
+
+
+@dataclass
+class HandedOut:
+    """Scores that workers find: called with how many robots, it gives (score, ratio) of each, in order.
+
+    function : answers a `Null` for the `job` with the `number` of a robot. rollouts : simulations so far.
+    """
+
+    executor: Executor
+    function: Callable[..., Null]
+    job: Mapping[str, Any]
+    rollouts: int = field(default=0, init=False)
+
+    def __call__(self, runs: int) -> Iterator[tuple[float, float]]:
+        jobs = ({**self.job, "number": number} for number in range(runs))
+        for score, ratio, rollouts in self.executor.map(self.function, jobs):
+            self.rollouts += rollouts
+            yield score, ratio
+
+
+def null_of_trials(robot: Mapping[str, Any], settings: Mapping[str, Any], number: int, threads: int) -> Null:
+    """Robot `number` without an effect, under the protocol of a trial. settings : of `TrialSettings`."""
+    from dynreg.diagnose.trial import null_search
+    from dynreg.verbs.plain import robot_from
+    from dynreg.verbs.trial import TrialSettings, trials_of
+
+    trials = trials_of(robot_from(robot), TrialSettings(**settings), threads)
+    return _ran(null_search(trials, [number]), threads)
+
+
+def null_of_diagnosis(
+    registry: str,
+    robot: Mapping[str, Any],
+    recording: Mapping[str, Any],
+    start: Mapping[str, Any] | None,
+    options: Mapping[str, Any],
+    number: int,
+    threads: int,
+) -> Null:
+    """Robot `number` without an effect, under the commands of a recording.
+
+    start : the simulator to begin from, as JSON. options : of `DiagnosisOptions`. registry : its path; there the
+    simulators with one effect each are kept, where the diagnosis has such.
+    """
+    from dynreg.diagnose.diagnose import posed
+    from dynreg.diagnose.noise import own_noise
+    from dynreg.diagnose.options import DiagnosisOptions
+    from dynreg.diagnose.threshold import null_seed, nulls_of
+    from dynreg.registry import Registry
+    from dynreg.sim.config import SimConfig
+    from dynreg.verbs.plain import recording_from, robot_from
+
+    built, asked = robot_from(robot), recording_from(recording)
+    begun = None if start is None else SimConfig.from_dict(start)
+    how = replace(DiagnosisOptions(**options), threads=threads)
+
+    with Registry.open(registry) as held:
+
+        def found() -> "Search[list[tuple[float, float]]]":
+            problem = yield from posed(built, asked, how, begun, held)
+            return (yield from nulls_of(problem, own_noise(built, asked), [null_seed(how.seed, number)]))
+
+        return _ran(found(), threads)
+
+
+def _ran(search: "Search[list[tuple[float, float]]]", threads: int) -> Null:
+    from dynreg.evidence.lockstep import counted, run
+
+    ((score, ratio),), rollouts = run(counted(search), threads=threads)
+    return score, ratio, rollouts

@@ -1,0 +1,141 @@
+"""A query walks the graph: it finds what judging all entries finds, and reads no more models than it counts."""
+
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import secret_servo
+from secret_servo import ENTRIES, TRAINING
+
+from dynreg import session
+from dynreg.distance import one_sided, query
+from dynreg.distance.query import DistanceQuery
+from dynreg.distance.table import DISTANCES
+from dynreg.errors import CorruptError
+from dynreg.index import GraphSettings, build
+from dynreg.verbs import linking
+from dynreg.verbs.populations import load_graph, load_population
+
+
+@pytest.fixture
+def walking(monkeypatch):
+    """Walks are worth it from five entries on, and keep eight."""
+    monkeypatch.setattr(query, "JUDGED_ALL", 4)
+    monkeypatch.setattr(one_sided, "KEPT", 8)
+
+
+@pytest.fixture
+def copy(populated, tmp_path):
+    with session.open(shutil.copytree(populated, tmp_path / "registry")) as opened:
+        yield opened
+
+
+def id_of(opened) -> str:
+    (record,) = opened.registry.populations()
+    return record.id
+
+
+def asked(opened, seed: int, **how) -> DistanceQuery:
+    recording = secret_servo.record(secret_servo.values_of(seed), seed)
+    return DistanceQuery(load_population(opened.registry, id_of(opened), judged=True), recording, len, **how)
+
+
+@pytest.mark.parametrize("distance", ["one_sided", "cross_loss"])
+def test_a_walk_finds_what_judging_all_finds(servos, walking, distance):
+    recalls = []
+    for seed in range(4):
+        walked = asked(servos, seed)
+        found, exact = (DISTANCES[distance].rank(q) for q in (walked, replace(walked, exact=True)))
+        assert len(exact.order) == exact.evaluations == ENTRIES
+        far = dict(zip(exact.order.tolist(), exact.distance.tolist(), strict=True))
+        np.testing.assert_allclose(found.distance, [far[i] for i in found.order.tolist()], rtol=1e-5)
+        recalls.append(np.isin(exact.order[:5], found.order[:5]).mean())
+    assert np.mean(recalls) >= 0.9
+
+
+@pytest.mark.parametrize("how", [{}, {"exact": True}, {"threads": 1}, {"wanted": 20}])
+def test_no_more_models_are_read_than_are_counted(servos, walking, how):
+    given = asked(servos, 1, **how)
+    models, vector = given.population.stack.mapped, given.vector
+    assert models.read == 0 and vector.shape == (given.population.vectors.shape[1],)
+    found = DISTANCES["one_sided"].rank(given)
+    assert models.read == found.evaluations <= ENTRIES
+    assert len(found.order) >= how.get("wanted", 8)
+    DISTANCES["embedding"].rank(given)
+    assert models.read == found.evaluations, "vectors are in the index"
+
+
+def test_a_walk_is_the_same_on_any_number_of_threads(servos, walking):
+    one, three = (DISTANCES["one_sided"].rank(asked(servos, 2, threads=n)) for n in (1, 3))
+    np.testing.assert_array_equal(one.order, three.order)
+    np.testing.assert_array_equal(one.distance, three.distance)
+
+
+def test_the_answer_tells_how_many_of_how_many_were_evaluated(servos, walking):
+    recording = servos.ingest(secret_servo.record(secret_servo.values_of(9), 9), "servo_pendulum")
+    told = {"replay": False, "synthesise": False, "k": 3, "distance": "one_sided"}
+    some, every = servos.query(recording, **told), servos.query(recording, **told, exact=True)
+    assert some.simulators == every.simulators == every.cost.evaluations == ENTRIES
+    assert 8 <= some.cost.evaluations <= ENTRIES
+    assert some.neighbours[0].entry == every.neighbours[0].entry
+
+
+def test_a_model_that_is_not_as_it_was_registered_is_not_judged(copy, walking):
+    (path,) = (copy.path / "shards").glob("*.safetensors")
+    data = bytearray(path.read_bytes())
+    data[-1000] ^= 1  # in the last tensor, of the last entry
+    path.write_bytes(data)
+    with pytest.raises(CorruptError, match="not the one that was registered"):
+        DISTANCES["one_sided"].rank(asked(copy, 1, exact=True))
+
+
+def index_of(opened) -> dict[str, np.ndarray]:
+    identity = id_of(opened)
+    arrays = {key: opened.registry.index(identity, key) for key in ("graph", "embedding", "judged")}
+    return {f"{key}/{name}": a for key, some in arrays.items() for name, a in some.items()}
+
+
+def test_a_population_that_grew_has_the_index_of_one_that_came_at_once(servos, tmp_path, monkeypatch):
+    """From the number of entries on to which the embedding is fitted, only those that came are linked."""
+    monkeypatch.setattr(linking, "FITTED", 10)
+    wanted, evaluations = None, []
+    for name, steps in (("once", [ENTRIES]), ("grown", [6, 12, 20, ENTRIES])):
+        with session.open(tmp_path / name) as opened:
+            for n in steps:
+                told = opened.populate("servo_pendulum", n, training=TRAINING)
+                evaluations.append(told.evaluations)
+                assert told.linked == n
+            found = index_of(opened)
+            wanted = wanted or found
+    assert found.keys() == wanted.keys()
+    for name, array in wanted.items():
+        np.testing.assert_array_equal(found[name], array, err_msg=name)
+    assert evaluations[-1] == sum(range(20, ENTRIES)), "the new ones alone, each with all before it"
+
+
+def test_relinking_makes_the_same_index_again(copy):
+    before = index_of(copy)
+    told = copy.populate("servo_pendulum", ENTRIES, training=TRAINING, relink=True)
+    assert told.added == 0 and told.linked == ENTRIES and told.evaluations > 0
+    for name, array in index_of(copy).items():
+        np.testing.assert_array_equal(before[name], array, err_msg=name)
+
+
+def test_an_index_of_an_older_version_is_asked_and_grows(copy, walking):
+    """It has no digests, no rows that judge, and a graph that was built by walks."""
+    registry, identity = copy.registry, id_of(copy)
+    ids, arrays = tuple(registry.numbers(identity)), registry.index(identity, "embedding")
+    old = {name: arrays[name] for name in ("probes", "base", "mean", "components", "vectors")}
+    distance = load_population(registry, identity, judged=True).cross_loss
+    registry.put_index(identity, "embedding", old, ids)
+    registry.put_index(identity, "graph", build(distance, ENTRIES, GraphSettings(seed=0)).to_arrays(), ids)
+    for path in (copy.path / "index").glob("*-judged-*"):
+        path.unlink()
+    for name in ("one_sided", "cross_loss", "embedding"):
+        found = DISTANCES[name].rank(asked(copy, 3))
+        right = DISTANCES[name].rank(asked(copy, 3, exact=True))
+        assert np.isin(right.order[:3], found.order[:8]).all()
+    copy.populate("servo_pendulum", ENTRIES + 4, training=TRAINING)
+    assert len(load_graph(registry, identity)) == ENTRIES + 4
+    assert load_graph(registry, identity).settings.batch == 1
