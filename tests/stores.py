@@ -5,7 +5,6 @@ Both listen on this machine alone, keep what they hold in a temporary folder, an
 
 import ctypes
 import os
-import pwd
 import re
 import shutil
 import signal
@@ -17,6 +16,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -93,12 +93,8 @@ def why_none() -> str:
     """Why this machine cannot run the servers; "" where it can."""
     if _programs() is None:
         return "no PostgreSQL server: apt-get install postgresql"
-    for name in ("psycopg", "moto.server", "flask_cors"):
-        try:
-            __import__(name)
-        except ImportError:
-            return f"no {name}: pip install 'dynreg[dev]'"
-    return ""
+    absent = [name for name in ("psycopg", "moto", "flask_cors") if find_spec(name) is None]
+    return f"no {absent[0]}: pip install 'dynreg[dev]'" if absent else ""
 
 
 @contextmanager
@@ -187,10 +183,12 @@ def _programs() -> Path | None:
     return next((f for f in folders if all((f / name).exists() for name in needed)), None)
 
 
-def _ordinary_user() -> pwd.struct_passwd | None:
+def _ordinary_user():
     """Somebody else than root, as whom alone PostgreSQL runs; None where this process is no root."""
     if os.getuid() != 0:
         return None
+    import pwd  # not on every system
+
     for name in ("postgres", "nobody"):
         try:
             return pwd.getpwnam(name)

@@ -15,7 +15,7 @@ from sqlalchemy import select
 import dynreg.registry.disk as disk
 import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError
-from dynreg.registry.bucket import Bucket, Remote, lost
+from dynreg.registry.bucket import Bucket, Remote
 from dynreg.registry.catalog import Catalog
 from dynreg.registry.files import (
     FOLDERS,
@@ -29,6 +29,7 @@ from dynreg.registry.files import (
     unreadable,
     write_file,
 )
+from dynreg.registry.reaching import lost
 from dynreg.registry.served import ServedCatalog
 from dynreg.registry.sweeping import remove_files, size_of
 from dynreg.registry.writing import Writing

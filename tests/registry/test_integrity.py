@@ -14,7 +14,7 @@ from registry_contents import ROBOT, make_population, make_recording
 
 from dynreg.data.recording import Recording
 from dynreg.errors import CorruptError, Damaged, DynregError, NoPlaceError, RegistryError
-from dynreg.registry import Registry, tables, verify, verifying
+from dynreg.registry import Registry, repairing, tables, verify
 from dynreg.registry.files import try_lock
 
 
@@ -409,13 +409,13 @@ def test_a_put_during_a_repair_keeps_its_files(work, monkeypatch):
     damaged = next(p for p in (work / "recordings").iterdir() if p.name.startswith(healed.id[:16]))
     whole = damaged.read_bytes()
     damaged.write_bytes(b"junk")
-    put_away = verifying._put_away
+    put_away = repairing.put_away
 
     def slow(root, names):
         damaged.write_bytes(whole)  # a put stages it, and waits for the lock
         put_away(root, names)
 
-    monkeypatch.setattr(verifying, "_put_away", slow)
+    monkeypatch.setattr(repairing, "put_away", slow)
     verify(work, repair=True)
     with Registry.open(work) as registry:
         registry.put_recording(healed, ROBOT)
@@ -482,6 +482,6 @@ def test_a_catalogue_that_nobody_else_writes_is_compared_with_its_seals_once(reg
         assert len(registry.ids("simulator")) == number + 2
     assert not looked
     with sqlite3.connect(registry.path / "catalog.sqlite") as connection:
-        connection.execute("UPDATE robots SET name = name")
+        connection.execute("PRAGMA user_version = 7")
     registry.put_simulator({"a": 9})
     assert looked, "somebody else has written"

@@ -19,7 +19,7 @@ from registry_contents import (
 import dynreg.registry.server as server
 from dynreg.errors import CorruptError, NoPlaceError, RegistryError, UsageError
 from dynreg.registry import Registry, verify
-from dynreg.registry.bucket import explained
+from dynreg.registry.reaching import explained
 from dynreg.registry.writing import Writing
 
 

@@ -21,7 +21,7 @@ from registry_contents import (
     make_shard,
 )
 
-import dynreg.registry.verifying as verifying
+import dynreg.registry.repairing as repairing
 from dynreg.errors import NoMatchError
 from dynreg.registry import Registry, collect, export, remove, verify
 
@@ -116,7 +116,7 @@ def _export(root: Path, aside: Path) -> None:
 
 def _repair(root: Path, aside: Path) -> None:
     with mock.patch.object(
-        verifying, "_SPARE", 4096
+        repairing, "_SPARE", 4096
     ):  # the room that it asks for, which would be a part of each state
         verify(root / REGISTRY, repair=True)
 
