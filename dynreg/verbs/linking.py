@@ -39,14 +39,14 @@ class StoredModels:
 class Embedded:
     """What a query must know of every entry: embedding and vectors (M, D'), values (M, P), train_loss (M,).
 
-    digests : (M,) of the models, by which each is compared alone when it is read; None in indexes without them.
+    digests : (M,) of the models, by which each is compared alone when it is read.
     """
 
     embedding: Embedding
     vectors: np.ndarray
     values: np.ndarray
     train_loss: np.ndarray
-    digests: np.ndarray | None
+    digests: np.ndarray
 
     def __len__(self) -> int:
         return len(self.vectors)
