@@ -200,7 +200,7 @@ class Catalog:
     def _state(self) -> State:
         """What changes when the catalogue or its ledger does: identities of their files.
 
-        A log without a byte counts as none: SQLite makes one for whoever looks, and removes it with the last who leaves.
+        A log without a byte counts as none: SQLite makes one for whoever looks, and the last who leaves removes it.
         """
         root = self.path.parent
         catalog, log, ledger = (identity_of(p) for p in (self.path, root / BESIDE[0], root / LEDGER))

@@ -13,7 +13,7 @@ import numpy as np
 from sqlalchemy import Row, select
 
 import dynreg.registry.tables as tables
-from dynreg.registry.bucket import Remote
+from dynreg.registry.bucket import Remote, not_as_stored
 from dynreg.registry.codec import decode_arrays
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import open_regular, unreadable
@@ -21,6 +21,7 @@ from dynreg.registry.shards import strip
 
 _KINDS = {"F16": np.float16, "F32": np.float32, "F64": np.float64}
 _WEIGHTS = "weights/"
+_ODDER = (AttributeError, OverflowError, RecursionError)  # of a header that is JSON and no header
 
 
 class MappedModels:
@@ -100,8 +101,9 @@ class MappedModels:
             return
         for at in np.flatnonzero(~self._sound[rows]):
             if digest_of({name: array[at] for name, array in models.items()}) != self.digests[rows[at]]:
-                path = self._directory.locate(self._shards[shard].arrays_path)
-                raise unreadable(path, "a model in it is not the one that was registered")
+                held, path = self._open[shard], self._directory.locate(self._shards[shard].arrays_path)
+                source = held if isinstance(held, Remote) else path
+                raise not_as_stored(source, "a model in it is not the one that was registered")
             self._sound[rows[at]] = True
 
 
@@ -126,7 +128,7 @@ def _mapped(path: Path, told: Row) -> dict[str, np.ndarray]:
             for name, tensor in header.items()
             if name.startswith(_WEIGHTS)
         }
-    except (OSError, struct.error, KeyError, TypeError, ValueError, RecursionError) as error:
+    except (OSError, struct.error, KeyError, TypeError, ValueError, *_ODDER) as error:
         raise unreadable(path, error) from error
 
 

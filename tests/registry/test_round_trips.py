@@ -226,6 +226,11 @@ def test_an_index_never_passes_for_one_of_other_entries(registry):
     assert registry.index("bench", "graph", now)["links"].shape == (12,)
 
 
+def test_no_entries_are_none(registry):
+    assert list(registry.parts("bench", [])) == [] == list(registry.weights("bench", []))
+    assert sum(len(part.entries) for part in registry.parts("bench")) == 10
+
+
 def test_entries_that_come_while_an_index_is_written_make_it_stale(registry):
     ids, names = registry.load("bench", ()).ids, sorted((registry.path / "index").iterdir())
 
