@@ -17,6 +17,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -95,8 +96,10 @@ def why_none() -> str:
         return "no PostgreSQL server: apt-get install postgresql"
     for name in ("psycopg", "moto.server", "flask_cors"):
         try:
-            __import__(name)
-        except ImportError:
+            found = find_spec(name)
+        except ImportError:  # not even what it is a part of
+            found = None
+        if found is None:
             return f"no {name}: pip install 'dynreg[dev]'"
     return ""
 

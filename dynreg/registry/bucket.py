@@ -22,7 +22,8 @@ from dynreg.registry.files import unreadable
 if TYPE_CHECKING:
     from pyarrow.fs import FileSystem
 
-_SECRET = {"access_key", "secret_key", "session_token", "external_id"}
+_SECRET = {"access_key", "secret_key", "session_token", "external_id"}  # of S3, and of other stores:
+_SECRET |= {"access_token", "account_key", "client_secret", "sas_token"}
 _OPTIONS = {"region", "scheme", "endpoint_override"}
 _ATTEMPTS, _CONNECT_SECONDS, _REQUEST_SECONDS = 4, 5, 60
 _AT_ONCE = 16  # requests side by side: S3 answers one in some 20 to 50 ms, however small it is

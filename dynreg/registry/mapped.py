@@ -7,6 +7,7 @@ import hashlib
 import json
 import mmap
 import struct
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from dynreg.registry.shards import strip
 
 _KINDS = {"F16": np.float16, "F32": np.float32, "F64": np.float64}
 _WEIGHTS = "weights/"
+OPEN = 256  # shards at once: each that is mapped holds a file open, and a process may hold some thousand
 _ODDER = (AttributeError, OverflowError, RecursionError)  # of a header that is JSON and no header
 
 
@@ -45,7 +47,7 @@ class MappedModels:
         with directory.catalog.read() as connection:
             self._shards = connection.execute(query).all()
         self._starts = np.array([shard.start for shard in self._shards], dtype=np.int64)
-        self._directory, self._open = directory, {}
+        self._directory, self._open, self._opening = directory, {}, threading.Lock()
         self._sound = np.zeros(len(numbers), dtype=bool)
         self.numbers, self.digests, self.read = np.asarray(numbers), digests, 0
 
@@ -78,13 +80,20 @@ class MappedModels:
 
     def _models(self, shard: int, places: np.ndarray) -> dict[str, np.ndarray]:
         """Weights by name, each (m, ...), of the entries at these places of a shard."""
-        if shard not in self._open:
-            self._open[shard] = self._opened(self._shards[shard])
-        held = self._open[shard]
+        held = self._held(shard)
         if isinstance(held, Remote):
             _, arrays = decode_arrays(held, rows=places.tolist(), only=_WEIGHTS)
             return strip(arrays, _WEIGHTS)
         return {name: array[places] for name, array in held.items()}
+
+    def _held(self, shard: int) -> dict[str, np.ndarray] | Remote:
+        """A shard as `_opened` gives it, one of the last that were opened; several threads may ask at once."""
+        with self._opening:
+            if shard not in self._open:
+                while len(self._open) >= OPEN:
+                    del self._open[next(iter(self._open))]
+                self._open[shard] = self._opened(self._shards[shard])
+            return self._open[shard]
 
     def _opened(self, told: Row) -> dict[str, np.ndarray] | Remote:
         """A shard's weights in mapped memory; the file itself where it lies in a bucket and not here."""
@@ -101,7 +110,7 @@ class MappedModels:
             return
         for at in np.flatnonzero(~self._sound[rows]):
             if digest_of({name: array[at] for name, array in models.items()}) != self.digests[rows[at]]:
-                held, path = self._open[shard], self._directory.locate(self._shards[shard].arrays_path)
+                held, path = self._held(shard), self._directory.locate(self._shards[shard].arrays_path)
                 source = held if isinstance(held, Remote) else path
                 raise not_as_stored(source, "a model in it is not the one that was registered")
             self._sound[rows[at]] = True

@@ -53,7 +53,7 @@ def shared_at(path: Path) -> Shared | None:
         marker = read_marker(path)
     except OSError:
         return None
-    if marker is None or marker["version"] != VERSION:
+    if marker is None or int(marker["version"]) != VERSION:
         return None
     told = marker.get("catalog"), marker.get("blobs")
     if not all(isinstance(one, str) for one in told):

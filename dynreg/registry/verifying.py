@@ -51,8 +51,6 @@ from dynreg.registry.writing import Writing
 
 # Bytes: a repair asks for so many beside three times the catalogue and the ledger, of which it makes copies.
 _SPARE = 1 << 20
-
-
 _EMPTY = (Fault("catalog", "on the server", "it lacks what the bucket holds", lost=False),)
 
 

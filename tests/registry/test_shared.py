@@ -270,6 +270,8 @@ REFUSED = {
         "no bucket at 's3://nothing-there/x'",
     ),
     "key in the address": (None, "s3://key:open-sesame@b/x", UsageError, "AWS_SECRET_ACCESS_KEY"),
+    "key of another store": (None, "abfs://b@lab/x?client_secret=open-sesame", UsageError, "holds a key"),
+    "password of a key": ("postgresql://h/lab?sslpassword=open-sesame", None, UsageError, "PGPASSWORD"),
     "no bucket": (None, "registry", UsageError, "s3://BUCKET/PREFIX"),
     "odd option": (None, "s3://b/x?secret=open-sesame", UsageError, "'secret'"),
 }
