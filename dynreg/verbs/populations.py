@@ -178,7 +178,9 @@ def ready(asked: Recorded, ref: str | None, *, states: bool = False, judged: boo
     lacks = held is None or (states and held.entries.states is None) or (judged and held.judged is None)
     if held_key != key or lacks:
         held = load_population(registry, key[0], states=states, judged=judged)
-        _READY[registry] = (key, held)
+    elif held.graph is None:  # it may have been linked since it was loaded
+        held = replace(held, graph=load_graph(registry, key[0], held.entries.ids))
+    _READY[registry] = (key, held)
     return held
 
 
