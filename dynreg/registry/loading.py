@@ -153,8 +153,7 @@ def shard_parts(
     """
     record = get_population(directory, population_id)
     places = _places(directory, population_id, entries)
-    found = directory.checked if entries is None else directory.near
-    paths = found(*(shard.states_path for shard, _ in places))
+    paths = _files(directory, places, "states_path")
     parts = []
     for (shard, own), path in zip(places, paths, strict=True):
         shape = tuple(_header(path, shard, record)["shape"])
@@ -171,11 +170,11 @@ def load_weights(
 ) -> Iterator[dict[str, np.ndarray]]:
     """Weights of the models of these entries by name, each (n, ...), a shard at a time and by number.
 
-    Of a shard in a bucket only these are fetched. Raises as `load_population`.
+    Of a shard in a bucket only these are fetched, where they are not all of it. Raises as `load_population`.
     """
     record = get_population(directory, population_id)
     places = _places(directory, population_id, entries)
-    paths = directory.near(*(shard.arrays_path for shard, _ in places))
+    paths = _files(directory, places, "arrays_path")
     for (shard, own), path in zip(places, paths, strict=True):
         for begin in range(0, len(own), PART):
             positions = [row.number - shard.start for row in own[begin : begin + PART]]
@@ -198,6 +197,14 @@ def _places(
     numbers = [row.number for row in rows]
     held = [rows[bisect_left(numbers, s.start) : bisect_left(numbers, s.stop)] for s in shards]
     return [(shard, own) for shard, own in zip(shards, held, strict=True) if own]
+
+
+def _files(directory: Directory, places: Sequence[tuple[Row, list[Row]]], column: str) -> list[Path | Remote]:
+    """Where the shards' files lie, of which all is read: then they are compared with their hashes; or a part."""
+    whole = [getattr(s, column) for s, own in places if len(own) == s.stop - s.start]
+    part = [getattr(s, column) for s, own in places if len(own) < s.stop - s.start]
+    found = dict(zip((*whole, *part), (*directory.checked(*whole), *directory.near(*part)), strict=True))
+    return [found[getattr(shard, column)] for shard, _ in places]
 
 
 def entry_place(directory: Directory, entry_id: str) -> tuple[str, int]:

@@ -126,6 +126,17 @@ def test_what_was_damaged_in_the_bucket_is_read_again_once_it_is_mended(faces, r
     assert [other.load_entry(identity).id for identity in ids] == list(ids)
 
 
+def test_models_of_whole_shards_are_compared_with_their_hash(faces, robot):
+    one, other = faces(), faces()
+    fill(one, robot)
+    ids, bucket = one.load("bench").ids, other.directory.bucket
+    name = max(name for name in bucket.names("shards") if name.endswith(".safetensors"))
+    data = bucket.read(name)
+    bucket.write(name, data[:-1] + bytes([data[-1] ^ 1]))
+    with pytest.raises(CorruptError, match="not those that were registered"):
+        list(other.weights("bench", ids))
+
+
 def test_a_verification_leaves_damaged_journals_where_they_are(faces, robot):
     one = faces()
     fill(one, robot)
