@@ -81,7 +81,7 @@ def share(path: str | Path | None = None, *, catalog: str, blobs: str) -> "Sessi
     """Open the shared registry at these addresses, with its local folder at `path` (by default that of `open`).
 
     catalog : URL of a PostgreSQL database, without a password. blobs : address of a bucket and a prefix in it, without
-    a key. What is missing of folder and registry is made; later `open(path)` does.
+    a key. What is missing of folder and registry is made. Later, `open(path)` opens it.
 
     Raises UsageError for odd addresses, RegistryError where they cannot be reached or `path` is something else.
     """

@@ -218,6 +218,9 @@ def test_two_populations_must_be_told_apart(registry_folder: Path, tmp_path: Pat
         assert answer.population == other.population
         with pytest.raises(UsageError, match="is not linked"):
             two.query("bench", population=other.population, distance="cross_loss", **BENCH)
+        two.populate("servo_pendulum", 6, seed=1, training=tiny_registry.QUICK)
+        linked = two.query("bench", population=other.population, distance="cross_loss", **BENCH)
+        assert linked.population == other.population
 
 
 @pytest.mark.parametrize("ref", ["nothing", "@first", "ffffffffffff"])

@@ -6,18 +6,17 @@ An object is there whole or not at all, so nothing is written under a temporary 
 import hashlib
 import io
 import secrets
+import shutil
 import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from dynreg.registry.reaching import absent, explained, reached
-
-if TYPE_CHECKING:
-    pass
+from dynreg.errors import RegistryError
+from dynreg.registry.files import unreadable
+from dynreg.registry.reaching import absent, explained, lost, reached
 
 _AT_ONCE = 16  # requests side by side: S3 answers one in some 20 to 50 ms, however small it is
 _DIGEST = 32
@@ -62,9 +61,14 @@ class Bucket:
         return data
 
     def read_ranges(self, file: "Remote", ranges: Sequence[tuple[int, int]]) -> list[bytes]:
-        """Bytes `first` to `stop` of an object for each (first, stop), side by side; FileNotFoundError as `read`."""
+        """Bytes `first` to `stop` of an object for each (first, stop), side by side.
+
+        Raises FileNotFoundError as `read`, and CorruptError where the object is shorter.
+        """
         pieces = _joined(ranges)
         with self._telling(file.name), self._files.open_input_file(self._path(file.name)) as stream:
+            if pieces[-1][1] > stream.size():
+                raise lost(file, "it ends before it should")
             if len(pieces) > 1:
                 with ThreadPoolExecutor(min(_AT_ONCE, len(pieces))) as pool:
                     parts = list(pool.map(lambda p: stream.read_at(p[1] - p[0], p[0]), pieces))
@@ -135,16 +139,19 @@ class Remote:
         return f"{self.bucket.uri.partition('?')[0]}/{self.name}"
 
     def ranges(self, ranges: Sequence[tuple[int, int]]) -> list[bytes]:
-        """Bytes `first` to `stop` for each (first, stop); OSError where the object is gone or shorter."""
+        """Bytes `first` to `stop` for each (first, stop); raises as `Bucket.read_ranges`."""
         found = {one: self._part(*one) for one in ranges}
         missing = [one for one, data in found.items() if data is None]
         fetched = self.bucket.read_ranges(self, missing) if missing else []
         for one, data in zip(missing, fetched, strict=True):
-            if len(data) != one[1] - one[0]:
-                raise OSError("it ends before it should")
             self._keep(*one, data)
             found[one] = data
         return [found[one] for one in ranges]
+
+    def forget(self) -> None:
+        """Remove the parts that are kept of it."""
+        if self.bucket.kept is not None:
+            shutil.rmtree(self.bucket.kept / self.name, ignore_errors=True)
 
     def _place(self, first: int, stop: int) -> Path:
         return self.bucket.kept / self.name / f"{first}-{stop}"
@@ -199,6 +206,13 @@ class _Ranged(io.RawIOBase):
         (data,) = self._file.ranges([(self._at, stop)])
         self._at = stop
         return data
+
+
+def not_as_stored(source: object, error: Exception | str) -> RegistryError:
+    """`unreadable`; of an object no part is kept here any more, since what lies in the bucket may be mended by now."""
+    if isinstance(source, Remote):
+        source.forget()
+    return unreadable(source, error)
 
 
 def _joined(ranges: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:

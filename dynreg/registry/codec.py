@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from dynreg.errors import RegistryError
-from dynreg.registry.bucket import Remote
+from dynreg.registry.bucket import Remote, not_as_stored
 from dynreg.registry.files import unreadable
 
 
@@ -59,10 +59,11 @@ def decode_arrays(
             if rows is not None:
                 arrays = {name: array[list(rows)] for name, array in arrays.items()}
             return _object(header), arrays
-    except (SafetensorError, OSError, KeyError, TypeError, ValueError, IndexError, RecursionError) as error:
-        raise unreadable(source, error) from error
+    except (*_ODD, SafetensorError) as error:
+        raise not_as_stored(source, error) from error
 
 
+_ODD = (OSError, LookupError, TypeError, ValueError, AttributeError, RecursionError, struct.error)
 # What safetensors calls the kinds of numbers that shards hold.
 _KINDS = {"F64": "<f8", "F32": "<f4", "F16": "<f2", "I64": "<i8", "I32": "<i4", "I16": "<i2", "I8": "<i1"}
 _KINDS |= {"U64": "<u8", "U32": "<u4", "U16": "<u2", "U8": "<u1", "BOOL": "?"}

@@ -5,6 +5,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from sqlalchemy import Connection, select
@@ -25,9 +26,9 @@ from dynreg.registry.files import (
     sweep,
     try_lock,
 )
-from dynreg.registry.hashes import entries_hash
+from dynreg.registry.hashes import hashes_of_first
 from dynreg.registry.indexes import read_index
-from dynreg.registry.ledger import read_ledger
+from dynreg.registry.ledger import page_name, read_ledger
 from dynreg.registry.rebuild import manifest_of
 from dynreg.registry.registry import Registry
 from dynreg.registry.sharing import PARTS
@@ -67,6 +68,7 @@ def collect(registry: Registry, *, caches: bool = False, dry_run: bool = False) 
     registry.check_writable()
     root, directory = registry.path, registry.directory
     with directory.catalog.write() as writing:  # nobody registers anything meanwhile
+        directory.take_time(writing.connection)
         if directory.bucket is None:
             _require_ledger(root, writing.connection)
             found = []
@@ -116,7 +118,7 @@ def _pages_of_nobody(directory: Directory, connection: Connection) -> Iterator[U
     Raises RegistryError where one that it names is gone.
     """
     rows = connection.execute(select(tables.pages.c.number, tables.pages.c.sha256))
-    named = {f"{LEDGER}/{row.number:08d}-{row.sha256[:16]}.json" for row in rows}
+    named = {page_name(row.number, row.sha256) for row in rows}
     there = directory.bucket.names(LEDGER)
     if named - there.keys():
         raise _ledger_lost(str(directory.bucket.uri.partition("?")[0]))
@@ -140,13 +142,21 @@ def _unnamed(directory: Directory, connection: Connection) -> Iterator[Unneeded]
 def _stale(directory: Directory, connection: Connection, caches: bool) -> Iterator[Unneeded]:
     """Indexes and files of the cache that nobody can use; or all of them."""
     populations = set(connection.execute(select(tables.populations.c.id)).scalars())
+    table = tables.entries
+
+    @cache
+    def of_first(owner: str) -> dict[str, int]:
+        ids = select(table.c.id).where(table.c.population_id == owner).order_by(table.c.number)
+        return hashes_of_first(connection.execute(ids).scalars())
+
     for name in directory.names(INDEX):
         if (directory.path / name).is_symlink():
             continue
         try:
             header = read_index(directory.brought(name))[0]
             owner = header["population"]
-            fits = owner in populations and entries_hash(connection, owner) == header["entries"]
+            # an index of the first entries is what a population that grew is linked from
+            fits = owner in populations and header["entries"] in of_first(owner)
             why = _AGAIN if fits else "its entries are not there any more"
         except CorruptError:
             fits, why = False, _DAMAGED

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from pathlib import Path, PurePosixPath
 
-from sqlalchemy import select
+from sqlalchemy import Connection, select
 
 import dynreg.registry.disk as disk
 import dynreg.registry.tables as tables
@@ -31,6 +31,7 @@ from dynreg.registry.files import (
 )
 from dynreg.registry.reaching import lost
 from dynreg.registry.served import ServedCatalog
+from dynreg.registry.server import let_idle
 from dynreg.registry.sweeping import remove_files, size_of
 from dynreg.registry.writing import Writing
 
@@ -240,6 +241,11 @@ class Directory:
             for name in names:
                 for one in self.bucket.names(name[:-1]) if name.endswith("/") else [name]:
                     self.bucket.remove(one)
+
+    def take_time(self, connection: Connection) -> None:
+        """Keep a transaction on a server, and its lock, for as long as many files of the bucket are read or removed."""
+        if self.bucket is not None:
+            let_idle(connection)
 
     def claim(self, name: str) -> AbstractContextManager[bool]:
         """Hold the lock of a name for a block; False where another process, or another machine, holds it."""

@@ -15,6 +15,15 @@ def entries_hash(connection: Connection, population_id: str) -> str:
     return hash_of(connection.execute(query).scalars())
 
 
+def hashes_of_first(ids: Iterable[str]) -> dict[str, int]:
+    """{`hash_of` the first so many ids: how many}, for every number of them."""
+    known, digest = {}, hashlib.sha256()
+    for count, line in enumerate(ids, start=1):
+        digest.update(f"{line}\n".encode())
+        known[digest.hexdigest()] = count
+    return known
+
+
 def result_id(kind: str, recording_id: str, document_sha256: str) -> str:
     """Id of a result: what it is, what it is about, what it says."""
     return hash_of([kind, recording_id, document_sha256])

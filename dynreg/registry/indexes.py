@@ -1,6 +1,5 @@
 """Computed indexes, in files of their own that name their entries; the catalogue does not know them."""
 
-import hashlib
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -13,7 +12,7 @@ from dynreg.errors import CorruptError, RegistryError
 from dynreg.registry.codec import arrays_of, encode_arrays
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import INDEX, content_hash, content_name, read_regular, unreadable
-from dynreg.registry.hashes import entries_hash, hash_of
+from dynreg.registry.hashes import entries_hash, hash_of, hashes_of_first
 from dynreg.registry.rows import require
 
 _KEY = re.compile(r"[A-Za-z0-9_.]+")
@@ -75,10 +74,7 @@ def get_grown(
 
     entries : ids in the order of their numbers: a population that grew has more than its index was computed for.
     """
-    known, digest = {}, hashlib.sha256()
-    for count, line in enumerate(entries, start=1):
-        digest.update(f"{line}\n".encode())
-        known[digest.hexdigest()] = count
+    known = hashes_of_first(entries)
     found = [
         (known[h["entries"]], a) for h, a in _sound(directory, population_id, key) if h["entries"] in known
     ]

@@ -57,6 +57,11 @@ def write_page(root: Path, page: Page) -> str:
     return file.sha256
 
 
+def page_name(number: int, sha256: str) -> str:
+    """Where a page lies, by its number and the hash of its bytes."""
+    return f"{LEDGER}/{number:08d}-{sha256[:16]}.json"
+
+
 def encode_page(page: Page) -> tuple[StoredFile, bytes]:
     """The file of a page."""
     document = {

@@ -1,5 +1,6 @@
 """Entries back from their shards."""
 
+from bisect import bisect_left
 from collections.abc import Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -12,10 +13,9 @@ from sqlalchemy import Connection, Row, select
 import dynreg.registry.tables as tables
 from dynreg.data.trajectories import Trajectories
 from dynreg.errors import CorruptError, NoMatchError, RegistryError
-from dynreg.registry.bucket import Remote
+from dynreg.registry.bucket import Remote, not_as_stored
 from dynreg.registry.codec import decode_arrays
 from dynreg.registry.directory import Directory
-from dynreg.registry.files import unreadable
 from dynreg.registry.populations import get_population
 from dynreg.registry.records import EntryRecord, PopulationArrays, PopulationRecord, ShardData
 from dynreg.registry.rows import require
@@ -92,11 +92,10 @@ def load_entry(directory: Directory, entry_id: str) -> EntryRecord:
         extra={name: float(value) for name, value in strip(row, "extra/").items()},
         periods=None if header["periods"] is None else header["periods"][position],
     )
-    if isinstance(states_path, Remote) or isinstance(
-        arrays_path, Remote
-    ):  # read in part: no hash was compared
-        if found.as_shard().entry_id(found.population_id, 0) != entry.id:
-            raise unreadable(arrays_path, "the entry is not the one that was registered")
+    fetched = [path for path in (states_path, arrays_path) if isinstance(path, Remote)]
+    if fetched and found.as_shard().entry_id(found.population_id, 0) != entry.id:  # no hash was compared yet
+        why = "the entry is not the one that was registered"
+        raise [not_as_stored(one, why) for one in fetched][-1]
     return found
 
 
@@ -154,8 +153,7 @@ def shard_parts(
     """
     record = get_population(directory, population_id)
     places = _places(directory, population_id, entries)
-    found = directory.checked if entries is None else directory.near
-    paths = found(*(shard.states_path for shard, _ in places))
+    paths = _files(directory, places, "states_path")
     parts = []
     for (shard, own), path in zip(places, paths, strict=True):
         shape = tuple(_header(path, shard, record)["shape"])
@@ -172,11 +170,11 @@ def load_weights(
 ) -> Iterator[dict[str, np.ndarray]]:
     """Weights of the models of these entries by name, each (n, ...), a shard at a time and by number.
 
-    Of a shard in a bucket only these are fetched. Raises as `load_population`.
+    Of a shard in a bucket only these are fetched, where they are not all of it. Raises as `load_population`.
     """
     record = get_population(directory, population_id)
     places = _places(directory, population_id, entries)
-    paths = directory.near(*(shard.arrays_path for shard, _ in places))
+    paths = _files(directory, places, "arrays_path")
     for (shard, own), path in zip(places, paths, strict=True):
         for begin in range(0, len(own), PART):
             positions = [row.number - shard.start for row in own[begin : begin + PART]]
@@ -194,11 +192,19 @@ def _places(
         query = select(table.c.id, table.c.number).where(table.c.population_id == population_id)
         rows = connection.execute(query.order_by(table.c.number)).all()
     _check_whole(population_id, shards, np.array([row.number for row in rows], dtype=np.int64))
-    wanted = set(entries or ())
-    held = [
-        [r for r in rows if s.start <= r.number < s.stop and (not wanted or r.id in wanted)] for s in shards
-    ]
+    wanted = None if entries is None else set(entries)
+    rows = [row for row in rows if wanted is None or row.id in wanted]
+    numbers = [row.number for row in rows]
+    held = [rows[bisect_left(numbers, s.start) : bisect_left(numbers, s.stop)] for s in shards]
     return [(shard, own) for shard, own in zip(shards, held, strict=True) if own]
+
+
+def _files(directory: Directory, places: Sequence[tuple[Row, list[Row]]], column: str) -> list[Path | Remote]:
+    """Where the shards' files lie, of which all is read: then they are compared with their hashes; or a part."""
+    whole = [getattr(s, column) for s, own in places if len(own) == s.stop - s.start]
+    part = [getattr(s, column) for s, own in places if len(own) < s.stop - s.start]
+    found = dict(zip((*whole, *part), (*directory.checked(*whole), *directory.near(*part)), strict=True))
+    return [found[getattr(shard, column)] for shard, _ in places]
 
 
 def entry_place(directory: Directory, entry_id: str) -> tuple[str, int]:
@@ -278,9 +284,9 @@ def _header(path: Path | Remote, shard: Row, record: PopulationRecord) -> dict[s
     """The header of a shard's states, which are those of its row in the catalogue; CorruptError else."""
     header = read_states_header(path)
     if [header[key] for key in ("population", "start", "stop")] != [record.id, shard.start, shard.stop]:
-        raise unreadable(path, "it belongs to another shard")
+        raise not_as_stored(path, "it belongs to another shard")
     if header["states"] != [channel.name for channel in record.channels] or not record.fits(header["shape"]):
-        raise unreadable(path, "its states are not those of its population")
+        raise not_as_stored(path, "its states are not those of its population")
     return header
 
 
@@ -318,7 +324,7 @@ def _rest(
         name for name, array in arrays.items() if array.shape[:1] != (rows,) or array.dtype.kind not in "fiu"
     ]
     if odd:
-        raise unreadable(path, f"it lacks {odd[0]!r}, or that is not of its {rows} entries")
+        raise not_as_stored(path, f"it lacks {odd[0]!r}, or that is not of its {rows} entries")
     return arrays if only is None or whole is not None else {n: a[list(only)] for n, a in arrays.items()}
 
 

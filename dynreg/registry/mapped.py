@@ -7,13 +7,14 @@ import hashlib
 import json
 import mmap
 import struct
+import threading
 from pathlib import Path
 
 import numpy as np
 from sqlalchemy import Row, select
 
 import dynreg.registry.tables as tables
-from dynreg.registry.bucket import Remote
+from dynreg.registry.bucket import Remote, not_as_stored
 from dynreg.registry.codec import decode_arrays
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import open_regular, unreadable
@@ -21,6 +22,8 @@ from dynreg.registry.shards import strip
 
 _KINDS = {"F16": np.float16, "F32": np.float32, "F64": np.float64}
 _WEIGHTS = "weights/"
+OPEN = 256  # shards at once: each that is mapped holds a file open, and a process may hold some thousand
+_ODDER = (AttributeError, OverflowError, RecursionError)  # of a header that is JSON and no header
 
 
 class MappedModels:
@@ -44,7 +47,7 @@ class MappedModels:
         with directory.catalog.read() as connection:
             self._shards = connection.execute(query).all()
         self._starts = np.array([shard.start for shard in self._shards], dtype=np.int64)
-        self._directory, self._open = directory, {}
+        self._directory, self._open, self._opening = directory, {}, threading.Lock()
         self._sound = np.zeros(len(numbers), dtype=bool)
         self.numbers, self.digests, self.read = np.asarray(numbers), digests, 0
 
@@ -77,13 +80,20 @@ class MappedModels:
 
     def _models(self, shard: int, places: np.ndarray) -> dict[str, np.ndarray]:
         """Weights by name, each (m, ...), of the entries at these places of a shard."""
-        if shard not in self._open:
-            self._open[shard] = self._opened(self._shards[shard])
-        held = self._open[shard]
+        held = self._held(shard)
         if isinstance(held, Remote):
             _, arrays = decode_arrays(held, rows=places.tolist(), only=_WEIGHTS)
             return strip(arrays, _WEIGHTS)
         return {name: array[places] for name, array in held.items()}
+
+    def _held(self, shard: int) -> dict[str, np.ndarray] | Remote:
+        """A shard as `_opened` gives it, one of the last that were opened; several threads may ask at once."""
+        with self._opening:
+            if shard not in self._open:
+                while len(self._open) >= OPEN:
+                    del self._open[next(iter(self._open))]
+                self._open[shard] = self._opened(self._shards[shard])
+            return self._open[shard]
 
     def _opened(self, told: Row) -> dict[str, np.ndarray] | Remote:
         """A shard's weights in mapped memory; the file itself where it lies in a bucket and not here."""
@@ -100,8 +110,9 @@ class MappedModels:
             return
         for at in np.flatnonzero(~self._sound[rows]):
             if digest_of({name: array[at] for name, array in models.items()}) != self.digests[rows[at]]:
-                path = self._directory.locate(self._shards[shard].arrays_path)
-                raise unreadable(path, "a model in it is not the one that was registered")
+                held, path = self._held(shard), self._directory.locate(self._shards[shard].arrays_path)
+                source = held if isinstance(held, Remote) else path
+                raise not_as_stored(source, "a model in it is not the one that was registered")
             self._sound[rows[at]] = True
 
 
@@ -126,7 +137,7 @@ def _mapped(path: Path, told: Row) -> dict[str, np.ndarray]:
             for name, tensor in header.items()
             if name.startswith(_WEIGHTS)
         }
-    except (OSError, struct.error, KeyError, TypeError, ValueError, RecursionError) as error:
+    except (OSError, struct.error, KeyError, TypeError, ValueError, *_ODDER) as error:
         raise unreadable(path, error) from error
 
 

@@ -121,9 +121,8 @@ def lost_marker(path: Path) -> bool:
 
 def _check_served(directory: Directory) -> None:
     """CorruptError where the catalogue is empty and the bucket holds what was put."""
-    if (
-        not directory.catalog.last_page() and len(directory.bucket.names(LEDGER)) > 1
-    ):  # one may have been cut short
+    # a single page may be that of a first put that was cut short
+    if not directory.catalog.last_page() and len(directory.bucket.names(LEDGER)) > 1:
         raise CorruptError(
             f"the catalogue of {str(directory.path)!r} is empty, and its bucket is not",
             expected="the catalogue that follows the ledger in the bucket",

@@ -8,7 +8,8 @@ from dynreg.errors import CorruptError, NoPlaceError, RegistryError, UsageError
 if TYPE_CHECKING:
     from pyarrow.fs import FileSystem
 
-_SECRET = {"access_key", "secret_key", "session_token", "external_id"}
+_SECRET = {"access_key", "secret_key", "session_token", "external_id"}  # of S3, and of other stores:
+_SECRET |= {"access_token", "account_key", "client_secret", "sas_token"}
 _OPTIONS = {"region", "scheme", "endpoint_override"}
 _ATTEMPTS, _CONNECT_SECONDS, _REQUEST_SECONDS = 4, 5, 60
 

@@ -112,6 +112,7 @@ def remove(registry: Registry, refs: Sequence[str], fits: Fits = _any) -> Remova
                 _take_out(writing, plan)
                 break
     with registry.directory.catalog.write() as writing:  # nobody registers any of these files meanwhile
+        registry.directory.take_time(writing.connection)
         registry.directory.remove(_unnamed(writing.connection, plan.files))
     return plan
 

@@ -18,6 +18,8 @@ _WAIT = 10  # seconds for a connection
 _ALIVE = {"keepalives": 1, "keepalives_idle": 20, "keepalives_interval": 10, "keepalives_count": 4}
 _SERVER_ALIVE = "-c tcp_keepalives_idle=20 -c tcp_keepalives_interval=10 -c tcp_keepalives_count=4"
 
+_SECRET = {"password", "sslpassword"}
+
 # What a transaction begins with. Readers see one moment; writers take turns, by a lock that ends with the transaction,
 # and see all that was committed before theirs.
 _BEGINS = {
@@ -54,7 +56,7 @@ def address(text: str) -> URL:
             expected="an address such as postgresql://USER@HOST/DATABASE",
             do="give that of a database on a PostgreSQL server",
         )
-    if url.password is not None or "password" in url.query:
+    if url.password is not None or _SECRET & url.query.keys():
         raise UsageError(
             "the address of the catalogue holds a password, which would be stored in a file",
             expected="an address without it, such as postgresql://USER@HOST/DATABASE",
@@ -86,6 +88,11 @@ def engine_for(url: URL) -> Engine:
         connection.exec_driver_sql(_BEGINS[connection.get_execution_options().get("dynreg_begin", "BEGIN")])
 
     return engine
+
+
+def let_idle(connection: Connection) -> None:
+    """Have the server keep a transaction, however long nothing is asked: else its lock goes while files are moved."""
+    connection.exec_driver_sql("SET LOCAL idle_in_transaction_session_timeout = 0")
 
 
 def persistent(put: Callable[P, R]) -> Callable[P, R]:

@@ -16,7 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from dynreg.errors import RegistryError
-from dynreg.registry.bucket import Remote
+from dynreg.registry.bucket import Remote, not_as_stored
 from dynreg.registry.codec import canonical_json, decode_arrays, encode_arrays
 from dynreg.registry.files import open_regular, unreadable
 from dynreg.registry.headers import SCHEMA, TOGETHER, checked_header, is_old, together
@@ -119,7 +119,7 @@ def read_states_header(path: Path | Remote) -> dict[str, Any]:
         with _opened(path) as stream:
             return checked_header(path, stream)
     except _ODD as error:
-        raise unreadable(path, error) from error
+        raise not_as_stored(path, error) from error
 
 
 def read_states(path: Path | Remote, out: np.ndarray, first: int = 0) -> None:
@@ -148,9 +148,9 @@ def read_states(path: Path | Remote, out: np.ndarray, first: int = 0) -> None:
                     flat[at : at + end - begin, j] = column[begin:end]
                 at, skip = at + end - begin, skip - begin
     except _ODD as error:
-        raise unreadable(path, error) from error
+        raise not_as_stored(path, error) from error
     if at != len(flat):
-        raise unreadable(path, f"it holds {at} rows, not {len(flat)}")
+        raise not_as_stored(path, f"it holds {at} rows, not {len(flat)}")
 
 
 def _decoded(

@@ -13,9 +13,11 @@ import dynreg.registry.disk as disk
 from dynreg.errors import RegistryError
 from dynreg.registry.bucket import Bucket
 from dynreg.registry.directory import Directory
-from dynreg.registry.files import CACHE, FOLDERS, LOCKS, is_temporary, read_regular, write_file
+from dynreg.registry.files import CACHE, FOLDERS, LEDGER, LOCKS, is_temporary, read_regular, write_file
+from dynreg.registry.ledger import page_name
 from dynreg.registry.served import ServedCatalog
 from dynreg.registry.server import address
+from dynreg.registry.writing import Writing
 
 MARKER = "dynreg.json"
 FORMAT = "dynreg-registry"
@@ -51,7 +53,7 @@ def shared_at(path: Path) -> Shared | None:
         marker = read_marker(path)
     except OSError:
         return None
-    if marker is None or marker["version"] != VERSION:
+    if marker is None or int(marker["version"]) != VERSION:
         return None
     told = marker.get("catalog"), marker.get("blobs")
     if not all(isinstance(one, str) for one in told):
@@ -67,7 +69,7 @@ def share(path: Path, told: Shared) -> None:
     """Make `path` the local face of the registry at these addresses; the registry itself where they hold none yet.
 
     Raises UsageError for odd addresses, RegistryError where they cannot be reached, `path` is something else already,
-    or the bucket holds the files of another registry.
+    or catalogue and bucket are not of the same registry.
     """
     known = shared_at(path)
     if known not in (None, told) or (known is None and _is_taken(path)):
@@ -81,17 +83,31 @@ def share(path: Path, told: Shared) -> None:
     bucket.check()
     catalog = ServedCatalog(told.catalog, bucket)
     try:
-        if not catalog.last_page() and bucket.names("ledger"):
-            raise RegistryError(
-                f"the bucket {told.blobs.partition('?')[0]!r} holds a registry whose catalogue is another one",
-                expected="the catalogue that belongs to it, or an empty prefix",
-                do="name another --blobs; where that catalogue is lost, see `dynreg verify --repair`",
-            )
+        _check_pair(catalog, bucket)
     finally:
         catalog.close()
     disk.make_folder(path.absolute())
     marker = {"format": FORMAT, "version": VERSION, "catalog": told.catalog, "blobs": told.blobs}
     write_file(path / MARKER, json.dumps(marker).encode() + b"\n")
+
+
+def _check_pair(catalog: ServedCatalog, bucket: Bucket) -> None:
+    """RegistryError where the bucket lacks the last page that the catalogue names, or holds some and it names none."""
+    with catalog.read() as connection:
+        number, sha256 = Writing(connection).last_page()
+    pages, where = bucket.names(LEDGER), bucket.uri.partition("?")[0]
+    if not number and pages:
+        raise RegistryError(
+            f"the bucket {where!r} holds a registry whose catalogue is another one",
+            expected="the catalogue that belongs to it, or an empty prefix",
+            do="name another --blobs; where that catalogue is lost, see `dynreg verify --repair`",
+        )
+    if number and page_name(number, sha256) not in pages:
+        raise RegistryError(
+            f"the bucket {where!r} does not hold the files of the registry in this catalogue",
+            expected="the bucket and the prefix with which the registry was made",
+            do="name its --blobs, or give a --catalog that is empty",
+        )
 
 
 def open_shared(path: Path, told: Shared, migrate: bool = True) -> Directory:

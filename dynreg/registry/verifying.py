@@ -1,13 +1,16 @@
 """Is everything that was stored still there? What was lost is said, what can be rebuilt is rebuilt."""
 
+from collections.abc import Sequence
 from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
 
 import dynreg.registry.migrations as migrations
 import dynreg.registry.tables as tables
-from dynreg.errors import RegistryError
+from dynreg.errors import CorruptError, RegistryError
+from dynreg.registry.bucket import Remote
 from dynreg.registry.comparing import Fault, VerifyReport, again
+from dynreg.registry.directory import Directory
 from dynreg.registry.examining import examine, read_served, stored_in
 from dynreg.registry.files import LOCKS, LOST_AND_FOUND, sweep, temporary_folder, try_lock
 from dynreg.registry.ledger import pages_after
@@ -83,6 +86,7 @@ def _of_shared(path: Path, told: Shared, repair: bool, dry_run: bool) -> VerifyR
         with directory.catalog.transaction("BEGIN") as connection:
             lacking = lost_tables(connection)
         with directory.catalog.transaction("BEGIN IMMEDIATE" if repair or lacking else "BEGIN") as connection:
+            directory.take_time(connection)  # the bucket is copied within it
             if lacking:  # they are made for the examination, and stay where it ends with a repair
                 tables.metadata.create_all(connection)
                 if pending := migrations.pending(connection):
@@ -99,18 +103,23 @@ def _of_shared(path: Path, told: Shared, repair: bool, dry_run: bool) -> VerifyR
                 connection.rollback()
         where = told.blobs.partition("?")[0]  # what was copied lies there
         faults = [replace(f, problem=f.problem.replace(str(place), where)) for f in report.faults]
+        if not dry_run:
+            _forget(directory, faults)
         damaged = damaged_here(path)
         faults += [Fault(again(name), name, why, lost=False) for name, why in damaged.items()]
         report = replace(report, faults=(*lost, *faults))
-        for (
-            fault
-        ) in report.faults:  # of what is damaged there, the copy here serves no more: a put may heal it
-            with suppress(OSError):
-                (path / fault.what).unlink()
         if repair:
             put_away(path, list(damaged))
             sweep(path)
         return _with_words(report, "would be " * dry_run) if repair or dry_run else report
+
+
+def _forget(directory: Directory, faults: Sequence[Fault]) -> None:
+    """Remove what lies here, whole or in part, of objects that are damaged in the bucket: a put may heal them there."""
+    for fault in faults:
+        with suppress(OSError, ValueError, CorruptError):  # it may name no file of a registry
+            directory.locate(fault.what).unlink(missing_ok=True)
+            Remote(directory.bucket, fault.what, 0).forget()
 
 
 _MENDED = {

@@ -1,6 +1,7 @@
 """What it will cost to populate, told from a few simulators that are made in a temporary folder."""
 
 import shutil
+import sys
 import tempfile
 import time
 from collections.abc import Mapping
@@ -28,7 +29,7 @@ KEPT = 3  # times that the index is in memory while it grows: as it was, as it i
 def foretell(
     registry: Registry, robot: Robot, plan: Plan, report: Progress, *, linked: bool = True
 ) -> PopulationSummary:
-    """What is left to do for a population of `plan.n` would take; nothing of it is kept."""
+    """What it would take to do what is left of a population of `plan.n`; nothing of it is kept."""
     began = time.perf_counter()
     identity = population_id(robot, plan.seed, plan.training)
     try:
@@ -125,4 +126,5 @@ def _peak() -> float:
         import resource
     except ImportError:
         return 0.0
-    return 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    unit = 1.0 if sys.platform == "darwin" else 1024.0  # bytes there, kilobytes elsewhere
+    return unit * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -39,14 +39,14 @@ class StoredModels:
 class Embedded:
     """What a query must know of every entry: embedding and vectors (M, D'), values (M, P), train_loss (M,).
 
-    digests : (M,) of the models, by which each is compared alone when it is read; None in indexes without them.
+    digests : (M,) of the models, by which each is compared alone when it is read.
     """
 
     embedding: Embedding
     vectors: np.ndarray
     values: np.ndarray
     train_loss: np.ndarray
-    digests: np.ndarray | None
+    digests: np.ndarray
 
     def __len__(self) -> int:
         return len(self.vectors)
@@ -90,9 +90,9 @@ def link(
         judged = judge(registry, ref, ids, shared, stack, None if held is None else held.judged)
         distance = CrossLoss(stack, judged.inputs, judged.targets, judged.own, threads=1)
         graph = link_entries(before, embedded.vectors, distance, threads)
-    for key, arrays in (("graph", graph.to_arrays()), ("embedding", embedded.as_arrays())):
-        registry.put_index(ref, key, arrays, ids)
+    registry.put_index(ref, "embedding", embedded.as_arrays(), ids)
     registry.put_index(ref, "judged", judged.as_arrays(), ids)
+    registry.put_index(ref, "graph", graph.to_arrays(), ids)  # the last: where it is, the others are
     return len(ids), graph.evaluations - before.evaluations
 
 

@@ -178,7 +178,9 @@ def ready(asked: Recorded, ref: str | None, *, states: bool = False, judged: boo
     lacks = held is None or (states and held.entries.states is None) or (judged and held.judged is None)
     if held_key != key or lacks:
         held = load_population(registry, key[0], states=states, judged=judged)
-        _READY[registry] = (key, held)
+    elif held.graph is None:  # it may have been linked since it was loaded
+        held = replace(held, graph=load_graph(registry, key[0], held.entries.ids))
+    _READY[registry] = (key, held)
     return held
 
 
@@ -203,12 +205,21 @@ def load_population(
     rows = registry.index(ref, "judged", ids) if judged else None
     if judged:
         rows = linking.judge(registry, ref, ids, shared, stack) if rows is None else Judged(**rows)
-    did = registry.load(ref, ("states",)).states if states else None
+    did = _states(registry, ref, ids) if states else None
     places = np.array(list(numbers.values()), dtype=np.int64)
     entries = Entries(ids, places, embedded.values, did, embedded.train_loss)
     vectors = np.asarray(embedded.vectors, dtype=float)
     graph = load_graph(registry, ref, ids)
     return Population(record.id, shared, entries, stack, embedded.embedding, vectors, graph, rows)
+
+
+def _states(registry: Registry, ref: str, ids: Sequence[str]) -> np.ndarray:
+    """(M, E, T+1, S) what the entries `ids` did; others may have come meanwhile."""
+    told = registry.load(ref, ("states",))
+    if told.ids == tuple(ids):
+        return told.states
+    place = {identity: row for row, identity in enumerate(told.ids)}
+    return told.states[[place[identity] for identity in ids]]
 
 
 def load_graph(registry: Registry, ref: str, entries: Sequence[str] | None = None) -> Graph | None:

@@ -16,6 +16,7 @@ from dynreg.distance.query import DistanceQuery, with_defaults
 from dynreg.distance.table import DISTANCES
 from dynreg.errors import LogError, UsageError
 from dynreg.neighbours.retrieve import Retrieved, retrieve
+from dynreg.registry import Registry
 from dynreg.replay.cut import windows
 from dynreg.replay.known import known_values
 from dynreg.replay.windows import Replayer, errors
@@ -187,3 +188,21 @@ def test_what_was_linked_while_others_added_entries_is_not_kept(registry_folder,
         assert len(load_population(opened.registry, identity).vectors) == 10
         assert len(load_graph(opened.registry, identity)) == 10
         assert load_graph(opened.registry, identity, before) is None
+
+
+def test_states_are_those_of_the_listed_entries_where_others_come_meanwhile(
+    registry_folder, tmp_path, monkeypatch
+):
+    with session.open(shutil.copytree(registry_folder, tmp_path / "registry")) as opened:
+        (identity,) = [item.id for item in opened.list("population").items]
+        index = Registry.index
+
+        def grow_first(*given):
+            monkeypatch.undo()
+            opened.populate("servo_pendulum", 10, training=tiny_registry.QUICK, link=False)
+            return index(*given)
+
+        monkeypatch.setattr(Registry, "index", grow_first)
+        held = load_population(opened.registry, identity, states=True)
+        assert opened.registry.count(identity) == 10
+        assert len(held) == len(held.entries.states) == len(held.entries.ids) == 8

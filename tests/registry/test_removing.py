@@ -6,7 +6,7 @@ from unittest import mock
 
 import pytest
 from hands import files_of, lose_catalogue, stored
-from registry_contents import POPULATION, ROBOT, make_recording, make_robot
+from registry_contents import POPULATION, ROBOT, make_population, make_recording, make_robot, populate
 
 import dynreg.registry.opening as opening
 from dynreg.errors import NoMatchError, RegistryError, UsageError
@@ -151,6 +151,15 @@ def test_a_lost_page_of_a_removal_is_no_loss_of_data(registry):
     assert not [fault for fault in report.lost if fault.kind != "ledger"]
     with Registry.open(registry.path) as again:
         assert again.recordings() == again.populations() == ()
+
+
+def test_gc_keeps_an_index_of_the_first_entries_from_which_the_others_are_linked(registry):
+    ids = registry.load("bench", ()).ids
+    registry.put_population(make_population(12))
+    populate(registry)
+    assert collect(registry) == ()
+    count, arrays = registry.grown_index("bench", "landmarks", registry.load("bench", ()).ids)
+    assert count == len(ids) == len(arrays["losses"])
 
 
 def test_gc_keeps_everything_that_something_names(registry):

@@ -1,7 +1,9 @@
 """What goes in comes out, under its id, whenever and however often it was put."""
 
 import json
+import os
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pyarrow.compute as pc
@@ -21,6 +23,7 @@ from registry_contents import (
     populate,
 )
 
+import dynreg.registry.mapped as mapped
 from dynreg.errors import NoMatchError, RegistryError, UsageError
 from dynreg.registry import Registry, ShardData, verify
 
@@ -224,6 +227,24 @@ def test_an_index_never_passes_for_one_of_other_entries(registry):
     assert registry.index("bench", "embedding") is None
     assert registry.index("bench", "graph", before) is None, "read by one who has loaded fewer entries"
     assert registry.index("bench", "graph", now)["links"].shape == (12,)
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="this system does not list open files")
+def test_models_of_many_shards_hold_few_files_open(registry, monkeypatch):
+    monkeypatch.setattr(mapped, "OPEN", 3)
+    registry.put_population(make_population(40))
+    populate(registry)
+    models, opened = registry.models("bench", range(40)), []
+    for _ in range(2):
+        for row in range(40):
+            np.testing.assert_array_equal(models.take([row])["w0"], make_shard(row, row + 1).weights["w0"])
+            opened.append(len(os.listdir("/proc/self/fd")))
+    assert len(models) == 40 and max(opened) <= min(opened) + 3
+
+
+def test_no_entries_are_none(registry):
+    assert list(registry.parts("bench", [])) == [] == list(registry.weights("bench", []))
+    assert sum(len(part.entries) for part in registry.parts("bench")) == 10
 
 
 def test_entries_that_come_while_an_index_is_written_make_it_stale(registry):

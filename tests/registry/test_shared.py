@@ -1,6 +1,7 @@
 """A shared registry is the same registry: whoever opens it, wherever, with others at the same time."""
 
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,8 @@ from registry_contents import (
 import dynreg.registry.server as server
 from dynreg.errors import CorruptError, NoPlaceError, RegistryError, UsageError
 from dynreg.registry import Registry, verify
+from dynreg.registry.bucket import Bucket
+from dynreg.registry.collecting import collect
 from dynreg.registry.reaching import explained
 from dynreg.registry.writing import Writing
 
@@ -105,6 +108,66 @@ def test_one_entry_is_fetched_without_its_shard_and_known_by_its_id(faces, robot
         path.write_bytes(data)
     with pytest.raises(CorruptError, match="not the one that was registered"):
         faces().load_entry(ids[160])
+
+
+@pytest.mark.parametrize(
+    "bad", [lambda d: d[:-1] + bytes([d[-1] ^ 1]), lambda d: bytes(len(d)), lambda d: d[:100]]
+)
+def test_what_was_damaged_in_the_bucket_is_read_again_once_it_is_mended(faces, robot, bad):
+    one, other = faces(), faces()
+    fill(one, robot)
+    ids, bucket = one.load("bench").ids, other.directory.bucket
+    name = min(name for name in bucket.names("shards") if name.endswith(".safetensors"))
+    data = bucket.read(name)
+    bucket.write(name, bad(data))
+    with pytest.raises(CorruptError, match="cannot be read"):
+        for identity in ids:
+            other.load_entry(identity)
+    bucket.write(name, data)
+    assert [other.load_entry(identity).id for identity in ids] == list(ids)
+
+
+def test_models_of_whole_shards_are_compared_with_their_hash(faces, robot):
+    one, other = faces(), faces()
+    fill(one, robot)
+    ids, bucket = one.load("bench").ids, other.directory.bucket
+    name = max(name for name in bucket.names("shards") if name.endswith(".safetensors"))
+    data = bucket.read(name)
+    bucket.write(name, data[:-1] + bytes([data[-1] ^ 1]))
+    with pytest.raises(CorruptError, match="not those that were registered"):
+        list(other.weights("bench", ids))
+
+
+def test_a_verification_leaves_damaged_journals_where_they_are(faces, robot):
+    one = faces()
+    fill(one, robot)
+    journal = one.path / "searches" / "gait.jsonl"
+    journal.parent.mkdir(exist_ok=True)
+    journal.write_bytes(b"no journal")
+    assert [fault.what for fault in verify(one.path).faults] == ["searches/gait.jsonl"] and journal.exists()
+
+
+def test_a_repair_may_take_longer_than_a_silent_writer(faces, robot, monkeypatch):
+    one = faces()
+    fill(one, robot)
+    short = {name: text.replace(f"{server.IDLE_SECONDS}s", "50ms") for name, text in server._BEGINS.items()}
+    monkeypatch.setattr(server, "_BEGINS", short)
+    names = Bucket.names
+
+    def slowly(self: Bucket, folder: str):
+        time.sleep(0.1)
+        return names(self, folder)
+
+    monkeypatch.setattr(Bucket, "names", slowly)
+    assert verify(one.path, repair=True).faults == ()
+    assert collect(one) == ()
+
+
+def test_a_catalogue_is_not_joined_with_another_bucket(faces, robot, stores, place, tmp_path):
+    fill(faces(), robot)
+    with pytest.raises(RegistryError, match="does not hold the files"):
+        Registry.share(tmp_path / "new", stores.catalog(place), stores.blobs(place, "robot"))
+    assert not (tmp_path / "new").exists()
 
 
 def test_writers_at_once_lose_nothing_and_keep_one_order(faces, robot):
@@ -219,6 +282,8 @@ REFUSED = {
         "no bucket at 's3://nothing-there/x'",
     ),
     "key in the address": (None, "s3://key:open-sesame@b/x", UsageError, "AWS_SECRET_ACCESS_KEY"),
+    "key of another store": (None, "abfs://b@lab/x?client_secret=open-sesame", UsageError, "holds a key"),
+    "password of a key": ("postgresql://h/lab?sslpassword=open-sesame", None, UsageError, "PGPASSWORD"),
     "no bucket": (None, "registry", UsageError, "s3://BUCKET/PREFIX"),
     "odd option": (None, "s3://b/x?secret=open-sesame", UsageError, "'secret'"),
 }
