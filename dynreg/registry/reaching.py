@@ -89,6 +89,7 @@ def lost(file: object, error: Exception | str) -> CorruptError:
 
 
 def absent(uri: str) -> NoPlaceError:
+    """The error for a bucket that is not there."""
     return NoPlaceError(
         f"there is no bucket at {uri.partition('?')[0]!r}",
         expected="a bucket that is there; dynreg makes none",
