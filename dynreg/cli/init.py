@@ -26,7 +26,7 @@ def init(
         ),
     ],
 ) -> None:
-    """Share a registry: its catalogue on PostgreSQL, its files in a bucket.
+    """Share a registry on PostgreSQL and in a bucket.
 
     The registry's folder is made here, as a local face: every command works with it as with any other registry. The
     same command on another machine joins it. A registry in one folder needs no init.

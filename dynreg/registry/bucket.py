@@ -20,7 +20,8 @@ from dynreg.registry.reaching import absent, explained, lost, reached
 
 _AT_ONCE = 16  # requests side by side: S3 answers one in some 20 to 50 ms, however small it is
 _DIGEST = 32
-_GAP = 1 << 16  # bytes: ranges that are nearer to each other are fetched as one
+# Bytes: ranges that are nearer to each other are fetched as one. At 1 << 16 a walk fetched 2.6 times what it asked for.
+_GAP = 1 << 12
 
 
 class Bucket:
