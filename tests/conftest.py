@@ -33,7 +33,7 @@ def pytest_collection_finish() -> None:
     """What is imported by now stays: the collector, which took a tenth of the time, need not look at it again."""
     gc.collect()
     gc.freeze()
-    gc.set_threshold(200_000, 50, 50)
+    gc.set_threshold(20_000, 20, 10)  # rarer still costs GB of what nobody holds any more
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
