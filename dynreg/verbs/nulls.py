@@ -33,16 +33,6 @@ class HandedOut:
             yield score, ratio
 
 
-def null_of_trials(robot: Mapping[str, Any], settings: Mapping[str, Any], number: int, threads: int) -> Null:
-    """Robot `number` without an effect, under the protocol of a trial. settings : of `TrialSettings`."""
-    from dynreg.diagnose.trial import null_search
-    from dynreg.verbs.plain import robot_from
-    from dynreg.verbs.trial import TrialSettings, trials_of
-
-    trials = trials_of(robot_from(robot), TrialSettings(**settings), threads)
-    return _ran(null_search(trials, [number]), threads)
-
-
 def null_of_diagnosis(
     registry: str,
     robot: Mapping[str, Any],
@@ -75,10 +65,11 @@ def null_of_diagnosis(
             problem = yield from posed(built, asked, how, begun, held)
             return (yield from nulls_of(problem, own_noise(built, asked), [null_seed(how.seed, number)]))
 
-        return _ran(found(), threads)
+        return ran(found(), threads)
 
 
-def _ran(search: "Search[list[tuple[float, float]]]", threads: int) -> Null:
+def ran(search: "Search[list[tuple[float, float]]]", threads: int) -> Null:
+    """What the search for one robot finds, and how many simulations it took."""
     from dynreg.evidence.lockstep import counted, run
 
     ((score, ratio),), rollouts = run(counted(search), threads=threads)

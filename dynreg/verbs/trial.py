@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from dynreg.diagnose.trial import Trial, Trials
     from dynreg.results.trials import TrialTable
     from dynreg.sim.robot import Robot
+    from dynreg.verbs.nulls import Null
     from dynreg.verbs.verb import Built
 
 HIDES = ("drawn", "chosen", "nothing", "every")
@@ -84,7 +85,7 @@ def trial(asked: "Built", settings: TrialSettings, progress: Progress | None = N
     from dynreg.diagnose.trial import trial_threshold
     from dynreg.executor import Local, opened
     from dynreg.results.trials import TrialResult, TrialTable
-    from dynreg.verbs.nulls import HandedOut, null_of_trials
+    from dynreg.verbs.nulls import HandedOut
     from dynreg.verbs.plain import plain_robot
 
     report, many, results = progress or (lambda *_: None), len(todo_of(asked.robot, settings)), []
@@ -144,3 +145,15 @@ def tried_some(
     todo = todo_of(built, told)[slice(*span)]
     found = results_of(trials_of(built, told, threads), todo, Threshold(**needed))
     return [one.model_dump() for one in found]
+
+
+def null_of_trials(
+    robot: Mapping[str, Any], settings: Mapping[str, Any], number: int, threads: int
+) -> "Null":
+    """Robot `number` without an effect, under the protocol of a trial. settings : of `TrialSettings`."""
+    from dynreg.diagnose.trial import null_search
+    from dynreg.verbs.nulls import ran
+    from dynreg.verbs.plain import robot_from
+
+    trials = trials_of(robot_from(robot), TrialSettings(**settings), threads)
+    return ran(null_search(trials, [number]), threads)

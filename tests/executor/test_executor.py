@@ -26,10 +26,10 @@ from dynreg.executor import Executor, Local, opened
 from dynreg.registry import Registry, verify
 from dynreg.results.trials import TrialResult
 from dynreg.sim.robot import load_robot
-from dynreg.verbs.nulls import HandedOut, null_of_diagnosis, null_of_trials
+from dynreg.verbs.nulls import HandedOut, null_of_diagnosis
 from dynreg.verbs.plain import plain_recording, plain_robot, recording_from, robot_from
 from dynreg.verbs.subjects import Recorded, recorded
-from dynreg.verbs.trial import TrialSettings, trials_of, tried_some
+from dynreg.verbs.trial import TrialSettings, null_of_trials, trials_of, tried_some
 
 PUT, MADE = "dynreg.registry.registry:Registry.put_shard", "dynreg.verbs.populations:make_entries"
 STAGED = "dynreg.registry.directory:Directory.stage"
