@@ -107,17 +107,6 @@ class Catalog:
                 if any(rows.values()):
                     self.begin_anew(Writing(connection), rows)
 
-    def lacks(self, step: str) -> bool:
-        """Whether a step of the migrations is not done yet."""
-        with self.transaction("BEGIN") as connection:
-            return step in migrations.pending(connection)
-
-    def note(self, step: str) -> None:
-        """Keep that a step of the migrations is done which changes no table."""
-        with self.transaction("BEGIN IMMEDIATE") as connection:
-            if step in migrations.pending(connection):
-                migrations.apply(connection, [step])
-
     def begin_anew(self, writing: Writing, rows: dict[str, list[Values]], after: int = 0) -> None:
         """Put these rows in place of all that the catalogue holds, and begin its ledger anew with them.
 

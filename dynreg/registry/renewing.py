@@ -47,7 +47,7 @@ def renew(directory: Directory, aside: bool = False) -> None:
 
     Where there is no room for them they stay as they are, and the next opening tries again.
     """
-    if (directory.read_only and not aside) or not directory.catalog.lacks(migrations.FILES):
+    if (directory.read_only and not aside) or not _pending(directory):
         return
     with suppress(DynregError):
         for number, (table, row, column, made) in enumerate(_old(directory)):
@@ -56,7 +56,7 @@ def renew(directory: Directory, aside: bool = False) -> None:
                 warnings.warn(f"{what}: its files are written anew, once", Renewed, 2)
             with suppress(CorruptError, *_ODD_ROBOT):
                 _replace(directory, table, row, column, *made())
-        directory.catalog.note(migrations.FILES)
+        _note_done(directory)
 
 
 def _old(directory: Directory) -> Iterator[Work]:
@@ -170,3 +170,14 @@ def _periods(robot: Mapping[str, Any], record: PopulationRecord, values: np.ndar
                 rate = {"=": lambda r, v: v + 0 * r, "*=": np.multiply, "+=": np.add}[op](rate, value)
     with np.errstate(all="ignore"):  # a shard takes only periods that are finite and above 0
         return 1.0 / rate
+
+
+def _pending(directory: Directory) -> bool:
+    with directory.catalog.transaction("BEGIN") as connection:
+        return migrations.FILES in migrations.pending(connection)
+
+
+def _note_done(directory: Directory) -> None:
+    with directory.catalog.transaction("BEGIN IMMEDIATE") as connection:
+        if migrations.FILES in migrations.pending(connection):  # another process may have been quicker
+            migrations.apply(connection, [migrations.FILES])

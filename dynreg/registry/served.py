@@ -88,17 +88,6 @@ class ServedCatalog:
             elif pending:
                 migrations.apply(connection, pending)
 
-    def lacks(self, step: str) -> bool:
-        """Whether a step of the migrations is not done yet."""
-        with self.transaction("BEGIN") as connection:
-            return step in migrations.pending(connection)
-
-    def note(self, step: str) -> None:
-        """Keep that a step of the migrations is done which changes no table."""
-        with self.transaction("BEGIN IMMEDIATE") as connection:
-            if step in migrations.pending(connection):
-                migrations.apply(connection, [step])
-
     def last_page(self) -> int:
         """Number of the last page of the ledger that the catalogue holds; 0 where it holds none."""
         with self.transaction("BEGIN") as connection:
