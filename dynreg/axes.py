@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dynreg.errors import UsageError
+from dynreg.errors import UsageError, one_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -91,5 +91,5 @@ def chosen(names: Sequence[str], wanted: str | Sequence[str] | None, what: str) 
     asked = [wanted] if isinstance(wanted, str) else list(wanted)
     for name in asked:
         if name not in names:
-            raise UsageError(f"{what} {name!r}", expected=f"one of {list(names)}", do="choose one of them")
+            raise UsageError(f"{what} {name!r}", expected=one_of(names, name), do="choose one of them")
     return asked

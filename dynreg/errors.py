@@ -1,8 +1,12 @@
 """The errors that dynreg raises: each says what is wrong, what was expected and what to do next."""
 
+import difflib
 import shlex
+from collections.abc import Iterable
 
 from dynreg.foreign import visible
+
+LISTED = 12  # names in one error
 
 
 class DynregError(Exception):
@@ -125,6 +129,22 @@ class NotStored(UserWarning):
 
 class Renewed(UserWarning):
     """Files of an older registry that are written anew in the present form."""
+
+
+def one_of(names: Iterable[str], given: object = "") -> str:
+    """What to expect where a name is none of `names`: these or, of many, those that `given` may have meant.
+
+    >>> one_of(["backlash", "payload"], "paylod")
+    "one of 'backlash', 'payload'"
+    >>> one_of([f"joint_{i}" for i in range(30)] + ["payload"], "paylod")
+    "one of 31 names (near: 'payload')"
+    """
+    known = list(names)
+    if len(known) <= LISTED:
+        return f"one of {', '.join(map(repr, known))}"
+    if near := difflib.get_close_matches(str(given), known, n=5):
+        return f"one of {len(known)} names (near: {', '.join(map(repr, near))})"
+    return f"one of {', '.join(map(repr, known[:LISTED]))} and {len(known) - LISTED} more"
 
 
 def taken_apart(message: str) -> tuple[str, str, str]:

@@ -14,7 +14,7 @@ from dynreg.data.outliers import far_from_median, spikes
 from dynreg.data.patterns import search
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.series import Finding, RawLog, Series
-from dynreg.errors import LogError, MapError
+from dynreg.errors import LogError, MapError, one_of
 from dynreg.limits import limits, refuse
 
 Select = Callable[[Series], Series]
@@ -83,7 +83,7 @@ def _parts(log: RawLog, log_map: LogMap) -> Iterator[tuple[str | None, Select]]:
     else:
         raise LogError(
             f"{log.path.name!r} has no episode column {column!r}",
-            expected=f"one of {[*log.names][:20]}",
+            expected=one_of(log.names, column),
             do="correct `column` under [episodes]",
         )
     distinct, first = np.unique(keys, return_index=True)
@@ -213,7 +213,7 @@ def _no_source(log: RawLog, source: str, channel: str) -> MapError:
     near = near or log.metadata.get("topics") or [*log.names]
     return MapError(
         f"{log.path.name!r} has no source {source!r} for channel {channel!r}",
-        expected=f"one of {near[:30]}",
+        expected=one_of(near, source),
         do="correct `source` in the map, or run `dynreg doctor` on the log to list what it holds",
     )
 

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from dynreg.data.patterns import search
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.units import UNITS, conversion
-from dynreg.errors import MapError
+from dynreg.errors import MapError, one_of
 from dynreg.tomlfile import parse_toml, read_toml
 
 DEFAULT_GAP = 0.5  # [s] a longer silence is a gap
@@ -264,7 +264,7 @@ def _known_name(name: str, kind: str, known: tuple[str, ...]) -> None:
     if name not in known:
         raise MapError(
             f"the map names {kind} {name!r}, which the robot does not have",
-            expected=f"one of {list(known)}",
+            expected=one_of(known, name),
             do="correct the name",
         )
 

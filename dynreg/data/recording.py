@@ -11,7 +11,7 @@ import numpy as np
 
 from dynreg.axes import chosen, curves, draw_each
 from dynreg.data.clocks import ABSOLUTE, begins
-from dynreg.errors import LogError
+from dynreg.errors import LogError, one_of
 from dynreg.foreign import visible
 
 if TYPE_CHECKING:
@@ -159,7 +159,7 @@ class Recording:
         if missing:
             raise LogError(
                 f"channel {missing[0]!r} is missing",
-                expected=f"one of {list(self.names)}",
+                expected=one_of(self.names, missing[0]),
                 do="add it to the map, or ingest a log that holds it",
             )
         return np.array([index[name] for name in names], dtype=int)

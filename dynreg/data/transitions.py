@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.errors import LogError
+from dynreg.errors import LogError, one_of
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def transitions(
             else:
                 raise LogError(
                     f"episode {episode.name!r} has neither an input nor a setting {name!r}",
-                    expected=f"one of {[*recording.names, *episode.settings]}",
+                    expected=one_of([*recording.names, *episode.settings], name),
                     do="add it to the map",
                 )
         good = np.isfinite(np.concatenate([now, after, act, extra], axis=1)).all(axis=1)

@@ -6,7 +6,7 @@ from numbers import Integral, Real
 
 import numpy as np
 
-from dynreg.errors import UsageError
+from dynreg.errors import UsageError, one_of
 from dynreg.rng import stream
 from dynreg.sim.commands import limited, noisy
 from dynreg.sim.config import SimConfig, terms_of
@@ -213,7 +213,7 @@ def _told(kind: str, told: Numbers | None, known: Mapping[str, float]) -> np.nda
         if name not in known:
             raise UsageError(
                 f"unknown {kind} {name!r}",
-                expected=f"one of {list(known)}" if known else f"none: the robot has no {kind}s",
+                expected=one_of(known, name) if known else f"none: the robot has no {kind}s",
                 do="correct the name",
             )
         if not isinstance(value, Real) or not np.isfinite(value):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynreg.errors import UsageError
+from dynreg.errors import UsageError, one_of
 from dynreg.rng import stream_seed
 
 EDGE = 0.005  # of a range: what lies nearer to its end lies on it
@@ -113,7 +113,7 @@ class ParameterSpace:
         if unknown:
             raise UsageError(
                 f"unknown parameter {unknown[0]!r}",
-                expected=f"one of {list(self.names)}",
+                expected=one_of(self.names, unknown[0]),
                 do="correct the name",
             )
 

@@ -10,7 +10,7 @@ import numpy as np
 from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.numbers import doubles, seconds
 from dynreg.data.series import Finding, RawLog, Series
-from dynreg.errors import LogError
+from dynreg.errors import LogError, one_of
 from dynreg.limits import limits, refuse
 
 TIME_NAMES = ("time", "timestamp", "t", "t_s", "time_s", "stamp", "Time", "T", "timestamps", "times")
@@ -86,7 +86,7 @@ def time_column(path: Path, columns: Collection[str], options: ReadOptions, name
         told = f"{path.name!r} has no column that looks like time"
     raise LogError(
         told,
-        expected=f"one of its columns {[*(names or columns)][:30]}",
+        expected=f"a column of the file, {one_of([*(names or columns)], options.time or '')}",
         do='name it in the map: time = "..." under [map]',
     )
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
-from dynreg.errors import UsageError
+from dynreg.errors import UsageError, one_of
 from dynreg.plugins import with_plugins
 from dynreg.sim.effects import body, command, contact, drive, friction, sensor, stand, transmission, wheels
 from dynreg.sim.effects.effect import (
@@ -93,9 +93,7 @@ def effect(name: str) -> Effect:
     """The effect of that id; UsageError with the choices where there is none."""
     table = effects()
     if name not in table:
-        raise UsageError(
-            f"unknown effect {name!r}", expected=f"one of {list(table)}", do="see `dynreg effects`"
-        )
+        raise UsageError(f"unknown effect {name!r}", expected=one_of(table, name), do="see `dynreg effects`")
     return table[name]
 
 

@@ -135,7 +135,7 @@ def test_a_joint_that_is_named_is_the_only_one_that_has_the_effect():
 @pytest.mark.parametrize(
     ("key", "message"),
     [
-        ("bakclash", "unknown effect 'bakclash'.*'backlash'"),
+        ("bakclash", "unknown effect 'bakclash'; expected one of [0-9]+ names .near: 'backlash'"),
         ("backlash[knee", "EFFECT or EFFECT\\[JOINT,...\\]"),
         ("backlash[ankle]", "no action drives 'ankle'.*hip_pitch"),
         ("imu_misalignment", "no roll and pitch of a base are measured"),
