@@ -7,6 +7,7 @@ import math
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -33,6 +34,8 @@ class ScoredFolder(TrialFolder):
     method, seed and goal the trials are of. most : trials that there may be. hinted : has something once it was said
     what to measure.
     """
+
+    answers: ClassVar[str] = f"{{name}}_score.txt or {TrialFolder.answers}"
 
     task: Task
     method: str

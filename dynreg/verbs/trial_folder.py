@@ -28,10 +28,11 @@ QUIET = 3.0  # s for which a log must stay as it is before it is read: by contra
 PATIENCE = 10.0  # s after which a log that is not whole is told
 MCAP_END = b"\x89MCAP0\r\n"  # the last bytes of a whole one
 ALIKE = 3e-4  # rad, between commands of one gait: older versions wrote sines, which now have corners
+UNDER_WAY = (".part", ".tmp", ".swp", ".crdownload")
 State = list[tuple[str, int, int]]  # names, sizes and times of files
 
 _PLAY = (
-    "play {path} on the robot ({seconds:.3g} s), and move its log there as {name}_log.mcap (or .csv, .bag, ...). "
+    "play {path} on the robot ({seconds:.3g} s), and move its log there as {answer}. "
     "Ctrl-C ends the wait, and the same command goes on with it"
 )
 
@@ -45,6 +46,7 @@ class TrialFolder:
     """
 
     keeps: ClassVar[bool] = True  # see `ScoredRobot`: a trial of a name is not played again
+    answers: ClassVar[str] = "{name}_log.mcap (or .csv, .bag, ...)"
 
     path: Path
     registry: "Registry"
@@ -67,7 +69,8 @@ class TrialFolder:
         """
         self._write(actions, rate, name)
         if self._log(name) is None:
-            self.say(_PLAY.format(path=self.path / f"{name}.csv", seconds=len(actions) / rate, name=name))
+            answer = self.answers.format(name=name)
+            self.say(_PLAY.format(path=self.path / f"{name}.csv", seconds=len(actions) / rate, answer=answer))
         return read_log(self._arrived(name), self.robot, self.log_map)
 
     def _write(self, actions: np.ndarray, rate: float, name: str) -> None:
@@ -107,8 +110,12 @@ class TrialFolder:
         """The answer to a trial once it is whole: its format's end is there, and it has stayed as it is for `QUIET`
         seconds. One in the state `refused` is not taken: it is waited until it changes."""
         before, since, told = None, time.monotonic(), False
+        there = self._names()
         while True:
             log = self._answer(name)
+            for other in sorted(self._names() - there) if log is None else ():
+                there.add(other)
+                self.say(f"{other} is not read: {self.answers.format(name=name)} is waited for")
             now = None if log is None else state(log)
             if now is None or now != before or now == refused:
                 before, since = now, time.monotonic()
@@ -120,6 +127,12 @@ class TrialFolder:
                 )
                 told = True
             time.sleep(EVERY)
+
+    def _names(self) -> set[str]:
+        """Names of the files in the folder, but those that are hidden or under way to a name: a copy, an editor's."""
+        return {
+            path.name for path in self.path.iterdir() if path.name[0] != "." and path.suffix not in UNDER_WAY
+        }
 
 
 def state(log: Path) -> State | None:

@@ -312,6 +312,28 @@ def test_a_log_is_read_when_it_is_whole(
     assert sum("trial_2_log.mcap is there, but its end is not written" in line for line in said) == 1
 
 
+def test_a_file_with_another_name_than_the_log_is_told_once(
+    brief: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dynreg.verbs.trial_folder.QUIET", 0.3)
+    monkeypatch.setattr("dynreg.verbs.trial_folder.EVERY", 0.02)
+    (tmp_path / "notes.md").write_text("there before")
+    said = []
+    folder = TrialFolder(tmp_path, None, brief, say=said.append)
+
+    def writes() -> None:
+        time.sleep(0.2)
+        for name in ("log_1.csv", ".trial_1_log.csv", "trial_1_log.csv.part"):
+            (tmp_path / name).write_text("time\n0\n")
+        time.sleep(0.2)
+        (tmp_path / "log_1.csv").rename(tmp_path / "trial_1_log.csv")
+
+    threading.Thread(target=writes, daemon=True).start()
+    with ThreadPoolExecutor(1) as waiting:
+        assert waiting.submit(folder._arrived, "trial_1").result(timeout=30.0).name == "trial_1_log.csv"
+    assert said == ["log_1.csv is not read: trial_1_log.mcap (or .csv, .bag, ...) is waited for"]
+
+
 def test_a_log_from_before_its_commands_is_refused(brief: Robot, tmp_path: Path) -> None:
     (tmp_path / "trial_1_log.csv").write_text("time\n0\n1\n")
     folder = TrialFolder(tmp_path, None, brief, say=lambda _: None)
