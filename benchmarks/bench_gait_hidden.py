@@ -20,16 +20,14 @@ never used in development (`REPORT`).
 import argparse
 import hashlib
 import json
-import time
 from collections.abc import Callable, Iterable
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass
-from functools import cache
-from multiprocessing import get_context
+from dataclasses import asdict
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
-from journal import Journal
+from gait_jobs import ORACLES, TRIALS, Cells, Job, K, Plan, run, search_seed
+from gait_sources import LOGS, logged, simulators
 from walkers import FAMILY, NULL, RATE, Walker, excited, named, names, stood_and_trotted, walker_of
 
 import dynreg
@@ -38,16 +36,13 @@ from dynreg.errors import DynregError, NoMatchError
 from dynreg.gait.play import commands
 from dynreg.gait.seek import AGAIN, SearchSettings, seek
 from dynreg.gait.tasks import fitness, task_of
-from dynreg.gait.trials import Simulators, Trials
+from dynreg.gait.trials import Trials
 from dynreg.results.gait import Gait
 from dynreg.results.trials import rate
-from dynreg.rng import stream, stream_seed
-from dynreg.sim.effects import Terms, term
+from dynreg.rng import stream
 from dynreg.sim.real import Budget, SimulatedRobot, Spent
 from dynreg.sim.robot import load_robot
 from dynreg.verbs.gait_rounds import GaitRoundsSettings, gait_rounds
-from dynreg.verbs.populations import load_population
-from dynreg.verbs.query import QuerySettings, query
 from dynreg.verbs.subjects import Recorded
 
 TUNE, REPORT = 61, 20261228
@@ -67,131 +62,35 @@ SOURCES = (
     "rounds",
     "true",
 )
-QUERIED = ("nearest", "hill", "synthesised", "pulled")
-LOGS = dict.fromkeys((*QUERIED, "rounds"), "query") | dict.fromkeys(("diagnosed", "calibrated"), "naming")
-K, POPULATION = 5, 50
-PULLED = 0.3  # of the way from the answer to a neighbour, where `pulled` has it
-TRIALS = 3  # of a gait on the robot, and of `rounds`
-ORACLES = 5
 DRAWS = 4000  # of the bootstrap
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What makes it this table."""
-
-    seed: int
-    robots: int
-    rollouts: int
-    entries: int
-    nulls: int = 0
-    effects: tuple[str, ...] = ()
-    packaged: bool = False
-    trials: int = TRIALS
-    oracles: int = ORACLES
-    pulled: float = PULLED
-
-
-@dataclass(frozen=True)
-class Job:
-    """One robot with the sources that are left, and where its lines go. needed : nats that a cause needs."""
-
-    plan: Plan
-    name: str
-    sources: tuple[str, ...]
-    journal: Path
-    registry: str
-    population: str
-    needed: float = USUAL
-
-
-class Cells(Journal):
-    """The journal of this table: a line for each finished step of each robot."""
-
-    def __init__(self, path: Path, plan: Plan):
-        super().__init__(path, {"plan": asdict(plan)})
-
-    def keep(self, robot: str, step: str, found: dict) -> dict:
-        """Keep what a step found; on disk, as one line, when this returns."""
-        return self.add({"robot": robot, "step": step, **found})
-
-    def steps(self) -> dict[tuple[str, str], dict]:
-        """{(robot, step): what it found} of all that is done."""
-        return {(line["robot"], line["step"]): line for line in self.lines()}
 
 
 def work(job: Job) -> str:
     """All that is left of one robot, on one core; its name."""
     walker = walker_of(job.name, job.plan.seed)
     journal = Cells(job.journal, job.plan)
-    done = {step: found for (robot, step), found in journal.steps().items() if robot == walker.name}
-    makers: dict[str, Callable[[Job, Walker], dict]] = {"query": _queried, "naming": _diagnosed}
-    for step in dict.fromkeys(LOGS[s] for s in job.sources if s in LOGS):
-        if step not in done:
-            began = time.process_time()
-            found = makers[step](job, walker)
-            done[step] = journal.keep(walker.name, step, {**found, "core": time.process_time() - began})
-    for source in job.sources:
-        if source not in done:
-            began = time.process_time()
-            found = _cell(job, walker, source, done.get(LOGS.get(source, "")))
-            journal.keep(walker.name, source, {**found, "core": time.process_time() - began})
+    steps = journal.steps()
+    left = tuple(source for source in job.sources if (walker.name, source) not in steps)
+    done = logged(job, walker, journal, left)
+    for source in left:
+        made = partial(_cell, job, walker, source, done.get(LOGS.get(source, "")))
+        journal.timed(walker.name, source, made)
     return walker.name
 
 
 def null(job: Job) -> str:
     """The score that the best cause reaches on a robot of the development that hides nothing; its name."""
     walker = walker_of(job.name, TUNE)
-    began = time.process_time()
-    try:
-        log, _ = stood_and_trotted(walker)
-        nats = named(walker, log, np.inf, job.plan.effects).nats[0]
-    except DynregError:  # it fell too often: no diagnosis, no alarm
-        nats = 0.0
-    Cells(job.journal, job.plan).keep(job.name, NULL, {"nats": nats, "core": time.process_time() - began})
+    Cells(job.journal, job.plan).timed(job.name, NULL, partial(_chance, job, walker))
     return job.name
 
 
-def _queried(job: Job, walker: Walker) -> dict:
-    """The query's k nearest and its one answer, whether or not it says that they fit."""
-    log, spent = excited(walker)
-    with dynreg.open(job.registry, create=False) as reg:
-        population = load_population(reg.registry, job.population, states=False)
-        asked = Recorded(reg.registry, walker.robot, log, walker.name)
-        answer = query(asked, QuerySettings(k=K, threads=1), population=population)
-    from_dict = walker.robot.space.from_dict
-    space, told = walker.robot.space, from_dict(answer.answer_parameters)
-    near = space.to_unit(np.array([from_dict(n.parameters) for n in answer.neighbours]))
-    pulled = space.from_unit(space.to_unit(told) + PULLED * (near - space.to_unit(told)))
-    return {
-        "spent": asdict(spent),
-        "fits": answer.fits,
-        "kind": answer.answer_kind,
-        "nearest": [from_dict(n.parameters).tolist() for n in answer.neighbours],
-        "synthesised": [told.tolist()],
-        "pulled": [told.tolist(), *pulled[: K - 1].tolist()],
-    }
-
-
-def _diagnosed(job: Job, walker: Walker) -> dict:
-    """The diagnosis from the nameplate: its simulators with and without the causes; only why, where it could not."""
-    log, spent = stood_and_trotted(walker)
+def _chance(job: Job, walker: Walker) -> dict:
     try:
-        found = named(walker, log, job.needed, job.plan.effects)
-    except DynregError as problem:
-        return {"spent": asdict(spent), "problem": str(problem)}
-    terms = found.extended.terms
-    told = {t.key: v[0].tolist() for t, v in zip(terms.terms, terms.values, strict=True)} if terms else {}
-    return {
-        "spent": asdict(spent),
-        "verdict": found.verdict,
-        "nats": found.nats,
-        "needed": job.needed,
-        "causes": found.causes,
-        "effects": told,
-        "diagnosed": found.extended.values.tolist(),
-        "calibrated": found.calibrated.values.tolist(),
-    }
+        log, _ = stood_and_trotted(walker)
+        return {"nats": named(walker, log, np.inf, job.plan.effects).nats[0]}
+    except DynregError:  # it fell too often: no diagnosis, no alarm
+        return {"nats": 0.0}
 
 
 def _cell(job: Job, walker: Walker, source: str, step: dict | None) -> dict:
@@ -204,31 +103,32 @@ def _cell(job: Job, walker: Walker, source: str, step: dict | None) -> dict:
         return _rounds(job, walker, real)
     task = walker.task if source == "true" else task_of(walker.robot)
     trials = Trials(
-        walker.robot, task, _simulators(job, walker, source, step), rate=RATE, seed=walker.seed, threads=1
+        walker.robot, task, simulators(job, walker, source, step), rate=RATE, seed=walker.seed, threads=1
     )
     if source == "packaged":
         return _packaged(walker, real, trials)
     many = ORACLES if source == "true" else 1
     found = sorted(
-        (_searched(job, walker, source, trials, real, i) for i in range(many)), key=lambda c: c["real"]
+        (searched(walker, trials, real, _settings(job, walker, source, i)) for i in range(many)),
+        key=lambda c: c["real"],
     )
     return found[many // 2] | {"spent": asdict(before), "all": [c["real"] for c in found]}
 
 
-def _searched(
-    job: Job, walker: Walker, source: str, trials: Trials, real: SimulatedRobot, number: int
-) -> dict:
-    """What the gait of one search does in its simulators and on the robot."""
+def _settings(job: Job, walker: Walker, source: str, number: int) -> SearchSettings:
     method, accept = ("hill" if source == "hill" else "cma"), ("mean" if source == "population" else "min")
-    seed = stream_seed(walker.seed, "search", *([number] if number else [])) % 2**31
-    settings = SearchSettings(
+    return SearchSettings(
         method,
         accept,
         job.plan.rollouts,
-        seed,
+        search_seed(walker.seed, number),
         again=0.0 if source == "hill" else AGAIN,
         packaged=job.plan.packaged,
     )
+
+
+def searched(walker: Walker, trials: Trials, real: SimulatedRobot, settings: SearchSettings) -> dict:
+    """What the gait of one search does in its simulators and on the robot."""
     sought = seek(trials, settings)
     return {
         **_tried(walker, real, trials.space.targets(sought.genes[None], trials.times)[0]),
@@ -265,7 +165,7 @@ def _rounds(job: Job, walker: Walker, real: SimulatedRobot) -> dict:
         rollouts=job.plan.rollouts,
         packaged=job.plan.packaged,
         population=job.population,
-        seed=stream_seed(walker.seed, "search") % 2**31,
+        seed=search_seed(walker.seed),
         threads=1,
         trials=TRIALS,
     )
@@ -293,29 +193,6 @@ def _rounds(job: Job, walker: Walker, real: SimulatedRobot) -> dict:
 
 def _none(step: dict) -> dict:
     return {"simulated": None, "problem": step["problem"]}
-
-
-def _simulators(job: Job, walker: Walker, source: str, step: dict | None) -> Simulators:
-    space = walker.robot.space
-    if source == "true":
-        return walker.truth
-    terms = None
-    if source in ("nominal", "packaged"):
-        values = space.nominal[None]
-    elif source == "population":
-        values = space.sample(0, POPULATION, stream_seed(walker.seed, "population") % 2**31)
-    elif source == "random":
-        with dynreg.open(job.registry, create=False) as reg:
-            entries = reg.registry.load(job.population, ()).values
-        values = entries[stream(walker.seed, "random").choice(len(entries), K, replace=False)]
-    else:
-        values = np.array(step["nearest" if source == "hill" else source])
-        if source == "diagnosed" and step["effects"]:
-            told = step["effects"]
-            terms = Terms(tuple(map(term, told)), tuple(np.array([v]) for v in told.values()))
-    values = np.array(values, dtype=float)
-    values[:, space.names.index("action_rate")] = RATE
-    return Simulators(values, terms)
 
 
 def table(steps: dict[tuple[str, str], dict], robots: Iterable[str], seconds: float) -> dict[str, dict]:
@@ -424,7 +301,7 @@ def main() -> None:
     if {"diagnosed", "calibrated"} & {*given.only}:
         nulls = [Job(plan, f"{NULL} {i}", (), *place) for i in range(plan.nulls)]
         done = journal.steps()
-        _run(null, [j for j in nulls if (j.name, NULL) not in done], given.processes)
+        run(null, [j for j in nulls if (j.name, NULL) not in done], given.processes)
     done, jobs = journal.steps(), []
     scores = [found["nats"] for (_, step), found in done.items() if step == NULL]
     needed = level(scores) if scores else USUAL
@@ -435,24 +312,12 @@ def main() -> None:
         if left:
             jobs.append(Job(plan, name, left, *place, needed))
     print(f"{sum(len(j.sources) for j in jobs)} cells of {len(jobs)} robots are left", flush=True)
-    _run(work, jobs, given.processes)
+    run(work, jobs, given.processes)
     out = table(journal.steps(), names(given.robots), task_of(load_robot("quadruped")).seconds)
     show(out)
     if not given.tune:
         kept = FILE.with_stem(FILE.stem + ending)
         kept.write_text(json.dumps({"plan": asdict(plan), "halves": out}, indent=1) + "\n")
-
-
-def _run(step: Callable[[Job], str], jobs: list[Job], processes: int) -> None:
-    began = time.perf_counter()
-    told = lambda name: print(f"{name}: {time.perf_counter() - began:.0f} s", flush=True)  # noqa: E731
-    if processes == 1:
-        for job in jobs:
-            told(step(job))
-        return
-    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        for future in as_completed([pool.submit(step, job) for job in jobs]):
-            told(future.result())
 
 
 def _given() -> argparse.Namespace:
