@@ -81,7 +81,7 @@ def gait(
     """Search for a gait that walks in the query's simulator.
 
     The gait is stored. An interrupted search resumes with --resume. With --trial, gaits are tried on the robot in turn,
-    and each trial's log tells in which simulators the next one is sought.
+    and the trials' logs tell in which simulators the next one is sought.
 
     Example: dynreg gait monday --rollouts 2500
 

@@ -1,4 +1,4 @@
-"""Gaits tried on a robot in turn: each trial's log tells in which simulators the next gait is sought."""
+"""Gaits tried on a robot in turn: the trials' logs tell in which simulators the next gait is sought."""
 
 import math
 from collections.abc import Callable
@@ -49,7 +49,9 @@ def gait_rounds(
 ) -> "GaitRounds":
     """Seek a gait, try it on the robot, ask the query again by the trial's log, and so on until the budget is spent.
 
-    Each search first tries the gaits that the robot has had, the best first, and goes on where it was interrupted.
+    While none has walked, each search first tries the gaits that the robot has had, the best first, in the simulators
+    that the newest log tells; then it stays near the best, in those that all logs tell. It goes on where it was
+    interrupted.
     Every trial's log is registered, as "NAME trial N". Where it does not tell in which simulators to seek (none is
     close enough, or it is too short), the next gait is sought in those of the round before.
 
