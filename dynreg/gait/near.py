@@ -20,7 +20,7 @@ STEP = 0.05  # of the ranges, 1 sigma, at first
 # Of the ranges, 1 sigma, by which parameters move. The answers of queries about quadrupeds are off by 0.1 to 0.3 in
 # most parameters (robots of the development); a search with less ends beyond the edge on which the robot walks.
 DOUBT = 0.1
-SHARES = (0.25, 0.5, 0.75, 1.0)  # of the way from the gait to what the search found
+SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the way from the gait to what the search found
 TURNS = 1_000  # draws from here on are those of the search
 
 
@@ -88,15 +88,16 @@ def between(begin: np.ndarray, end: np.ndarray, periodic: np.ndarray) -> np.ndar
 
 
 def farthest(trials: Trials, accept: str, points: np.ndarray, draws: int) -> tuple[np.ndarray, Finals | None]:
-    """The best of the points (n, P), and what it did: all meet the same so many draws of noise and parameters, moved by
-    `DOUBT`, in every simulator. The highest value is taken: accepted over the simulators of the mean over draws.
+    """The best of the points (n, P) after the first, and what it did: all meet the same so many draws of noise and
+    parameters, moved by `DOUBT`, in every simulator. The highest gain over the first is taken: accepted over the
+    simulators, of the mean over draws. So a simulator that is wrong about how far a gait goes does not decide alone.
 
     Without draws it is the point half way, and None.
     """
     if not draws:
         return points[SHARES.index(0.5)], None
-    space = trials.space
+    space, accepted = trials.space, ACCEPT[accept]
     seen = trials.again(space.feasible(space.from_unit(points)), draws, doubt=DOUBT)
-    values = ACCEPT[accept](fitness(seen).mean(axis=1))
-    best = int(np.argmax(values))
-    return points[best], Finals(seen[best].size, int(fell(seen[best]).sum()), float(values[best]))
+    values = fitness(seen).mean(axis=1)
+    best = 1 + int(np.argmax(accepted(values[1:] - values[0])))
+    return points[best], Finals(seen[best].size, int(fell(seen[best]).sum()), float(accepted(values)[best]))

@@ -79,25 +79,28 @@ def test_a_search_near_a_gait_goes_on_to_the_same_end(trials, tmp_path: Path) ->
 def test_a_way_between_two_gaits_is_the_short_one_where_genes_run_round() -> None:
     begin, end, periodic = np.array([0.2, 0.9]), np.array([0.6, 0.1]), np.array([False, True])
     points = between(begin, end, periodic)
-    assert points[:, 0] == pytest.approx([0.3, 0.4, 0.5, 0.6])
-    assert points[:, 1] == pytest.approx([0.95, 0.0, 0.05, 0.1])
+    assert points[:, 0] == pytest.approx([0.2, 0.3, 0.4, 0.5, 0.6])
+    assert points[:, 1] == pytest.approx([0.9, 0.95, 0.0, 0.05, 0.1])
 
 
-def test_of_the_way_as_much_is_gone_as_is_worth_most_on_average_over_all_draws(trials, monkeypatch) -> None:
-    """In one simulator gaits get better all the way, in the other they fall from half of it on."""
+def test_of_the_way_as_much_is_gone_as_gains_most_on_average_over_all_draws(trials, monkeypatch) -> None:
+    """In one simulator gaits get better all the way; in the other, where all do less, they fall from half of it on."""
     points = between(*trials.space.to_unit(np.array([begun(trials), begun(trials)])), trials.space.periodic)
+    there = np.array([[[5.0, 0.5]], [[5.5, 1.2]], [[7.0, 1.1]], [[9.0, 0.5]], [[12.0, -999.0]]])
 
     def graded(genes: np.ndarray, draws: int, *, doubt: float) -> np.ndarray:
-        out = np.tile(np.array([[[1.0, 1.0]], [[2.0, 1.5]], [[4.0, 0.5]], [[9.0, -999.0]]]), (1, draws, 1))
-        out[2, 0, 1] = -999.0
+        out = np.tile(there, (1, draws, 1))
+        out[3, 0, 1] = -999.0
         return out
 
     monkeypatch.setattr(trials, "again", graded)
     best, finals = farthest(trials, "min", points, 4)
-    assert np.array_equal(best, points[1]) and finals == Finals(8, 0, 1.5)
+    assert np.array_equal(best, points[2]) and finals == Finals(8, 0, 1.1)  # the other gains 2.0
     best, finals = farthest(trials, "mean", points, 4)
-    assert np.array_equal(best, points[3]) and (finals.falls, finals.value) == (4, 4.5)
-    assert np.array_equal(farthest(trials, "min", points, 0)[0], points[1])  # few rollouts: half of the way
+    assert np.array_equal(best, points[4]) and (finals.falls, finals.value) == (4, 6.0)
+    there[1:] = 0.1  # all are worse: the robot still gets another gait than it has had
+    assert np.array_equal(farthest(trials, "min", points, 4)[0], points[1])
+    assert np.array_equal(farthest(trials, "min", points, 0)[0], points[2])  # few rollouts: half of the way
 
 
 def test_few_rollouts_are_not_exceeded(trials) -> None:
