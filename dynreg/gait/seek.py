@@ -42,6 +42,7 @@ class SearchSettings:
 
     packaged : whether the gaits that the robot's folder brings are tried first. tried : genes (n, G) of gaits that the
     robot has had, which are tried before these.
+    near : whether the search stays near the first of these; see `near.seek_near`.
     again : share of the rollouts in which the best gaits are tried once more, with other motor noise and parameters a
     little off: of many gaits the best is also the one that was luckiest with those of the search.
     """
@@ -54,6 +55,7 @@ class SearchSettings:
     again: float = 0.0
     packaged: bool = True
     tried: tuple[tuple[float, ...], ...] = ()
+    near: bool = False
 
     def __post_init__(self):
         for name, value, choices in (
@@ -174,12 +176,20 @@ def seek(
     best, again = found.best, None
     if finals:
         best, again = best_again(trials, settings, search.best(finals[0][0]), finals)
-    genes = gaits(best[None])
-    own = np.flatnonzero(np.isclose(gaits(space.starts), genes).all(axis=1))
+    return answer(trials, best, found, again, helpless)
+
+
+def answer(
+    trials: Trials, best: np.ndarray, found: Found, finals: Finals | None, helpless: np.ndarray
+) -> Sought:
+    """What the best candidate (P,) is and does; the rest as `Sought` has it."""
+    space = trials.space
+    genes, starts = (space.feasible(space.from_unit(unit)) for unit in (best[None], space.starts))
+    own = np.flatnonzero(np.isclose(starts, genes).all(axis=1))
     return Sought(
         **vars(walked(trials, genes[0])),
         found=found,
-        finals=again,
+        finals=finals,
         packaged=int(own[0]) if len(own) else None,
         helpless=helpless,
     )

@@ -34,6 +34,10 @@ class Simulators:
     def __len__(self) -> int:
         return len(self.values)
 
+    def alone(self, number: int) -> "Simulators":
+        """One of them."""
+        return Simulators(self.values[[number]], self.terms and self.terms.take([number]))
+
 
 def simulators_of(robot: Robot, configs: Sequence[SimConfig], known: np.ndarray | None = None) -> Simulators:
     """The simulators of configurations, all with the parameters (P,) that are known of the real robot (not NaN)."""
@@ -98,15 +102,25 @@ class Trials:
         """(n, k) of gaits (n, G); see `Task.grade`."""
         return self.task.grade(self.walk(genes, draw=draw)).T
 
-    def again(self, genes: np.ndarray, draws: int, *, first: int = 0, doubt: float = 0.0) -> np.ndarray:
+    def again(
+        self,
+        genes: np.ndarray,
+        draws: int,
+        *,
+        first: int = 0,
+        doubt: float = 0.0,
+        only: int | None = None,
+    ) -> np.ndarray:
         """(n, draws, k) grades of gaits (n, G) with other draws of every simulator's motor noise.
 
         first : draws with lower numbers were seen before. doubt : 1 sigma, as a share of the ranges, by which every
-        draw moves the parameters that the lab does not know, too.
+        draw moves the parameters that the lab does not know, too. only : the number of one simulator, and k is 1;
+        by default in all of them.
         """
-        k, space, terms = len(self.simulators), self.robot.space, self.simulators.terms
-        terms = terms and terms.tiled(draws)
-        values = np.tile(self.simulators.values, (draws, 1))
+        simulators = self.simulators if only is None else self.simulators.alone(only)
+        k, space = len(simulators), self.robot.space
+        terms = simulators.terms and simulators.terms.tiled(draws)
+        values = np.tile(simulators.values, (draws, 1))
         seeds = [stream_seed(self._seed, "again", first + d) % 2**62 for d in range(draws)]
         if doubt:
             moves = [stream(s, "doubt").standard_normal((k, len(space))) for s in seeds]
@@ -120,7 +134,7 @@ class Trials:
             Simulators(values, terms),
             rate=self.rate,
             threads=self._threads,
-            noise=np.concatenate([self._drawn(s) for s in seeds]),
+            noise=np.concatenate([self._drawn(s)[slice(None) if only is None else [only]] for s in seeds]),
         )
         found = other.grades(genes)
         self.rollouts += other.rollouts

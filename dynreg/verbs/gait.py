@@ -59,30 +59,43 @@ class GaitSettings(Settings):
         return SearchSettings(self.method, accept, rollouts, self.seed, self.patience, AGAIN, self.packaged)
 
 
+@dataclass(frozen=True)
+class Had:
+    """The gaits that the robot has had: genes of each, the best first, and whether that one walked.
+
+    simulators : ids of those in which they were sought.
+    """
+
+    genes: tuple[tuple[float, ...], ...] = ()
+    walked: bool = False
+    simulators: tuple[str, ...] = ()
+
+
 def gait(
     asked: "Recorded",
     settings: GaitSettings,
     progress: Progress | None = None,
     *,
-    tried: tuple[tuple[float, ...], ...] = (),  # genes of gaits that the robot has had, the best first
+    had: Had = Had(),  # noqa: B008  frozen
 ) -> "Gait":
     """Search for a gait that walks in the query's simulator.
 
     The gait is stored. An interrupted search resumes with --resume. With --trial, gaits are tried on the robot in turn,
-    and each trial's log tells in which simulators the next one is sought.
+    and the trials' logs tell in which simulators the next one is sought.
 
     Example: dynreg gait monday --rollouts 2500
 
     Raises RobotError if the robot has no such task, NoMatchError if no simulator is close enough, UsageError if there
     are too few simulators.
     """
+    from dynreg.gait.near import may_stay, seek_near
     from dynreg.gait.seek import expected, seek
     from dynreg.gait.space import gait_space
     from dynreg.gait.tasks import task_of
     from dynreg.gait.trials import Trials, simulators_of
     from dynreg.replay.known import command_rate, known_values
     from dynreg.verbs.gait_document import document, journal
-    from dynreg.verbs.gait_simulators import choose
+    from dynreg.verbs.gait_simulators import choose, with_earlier
     from dynreg.verbs.query import QuerySettings
 
     began = time.perf_counter()
@@ -93,13 +106,16 @@ def gait(
     settings.search(many).evaluations(many)
     wanted = QuerySettings(k=settings.k, population=settings.population, threads=settings.threads)
     chosen = choose(asked, settings.on, wanted, settings.seed, progress)
+    search = replace(settings.search(len(chosen.simulators)), tried=had.genes)
+    if had.walked and may_stay(settings.method):
+        chosen, search = with_earlier(asked, chosen, had.simulators), replace(search, near=True)
     known = known_values(robot, asked.recording)
     simulators = simulators_of(robot, [one.config for one in chosen.simulators], known)
     rate = command_rate(robot, known)
     trials = Trials(robot, task, simulators, rate=rate, seed=settings.seed, threads=settings.threads)
-    search = replace(settings.search(len(simulators)), tried=tried)
     key, path = journal(asked, chosen, trials, search)
-    sought = seek(trials, search, journal=path, resume=settings.resume, key=key, progress=progress)
+    look = seek_near if search.near else seek
+    sought = look(trials, search, journal=path, resume=settings.resume, key=key, progress=progress)
     unseen = expected(trials, sought.genes)
     about, seconds = (asked.recording.id, asked.name), time.perf_counter() - began
     found = document(robot, about, chosen, trials, search, sought, unseen, seconds)

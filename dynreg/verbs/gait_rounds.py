@@ -1,4 +1,4 @@
-"""Gaits tried on a robot in turn: each trial's log tells in which simulators the next gait is sought."""
+"""Gaits tried on a robot in turn: the trials' logs tell in which simulators the next gait is sought."""
 
 import math
 from collections.abc import Callable
@@ -6,9 +6,10 @@ from dataclasses import dataclass, fields, replace
 from itertools import count
 from typing import TYPE_CHECKING
 
-from dynreg.errors import BudgetError, LogError, NoMatchError, UsageError
+from dynreg.errors import BudgetError, LogError, UsageError
 from dynreg.progress import Progress
-from dynreg.verbs.gait import GaitSettings, gait
+from dynreg.verbs.gait import GaitSettings
+from dynreg.verbs.next_gait import Next, Tried, had, told_by
 from dynreg.verbs.settings import option
 from dynreg.verbs.simulators import WORDS
 
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from dynreg.results.gait import Gait
     from dynreg.results.gait_rounds import GaitRound, GaitRounds
     from dynreg.sim.real import RealRobot, RealTrial
-    from dynreg.sim.robot import Robot
     from dynreg.verbs.subjects import Recorded
 
 Kept = Callable[
@@ -49,7 +49,9 @@ def gait_rounds(
 ) -> "GaitRounds":
     """Seek a gait, try it on the robot, ask the query again by the trial's log, and so on until the budget is spent.
 
-    Each search first tries the gaits that the robot has had, the best first, and goes on where it was interrupted.
+    While none has walked, each search first tries the gaits that the robot has had, the best first, in the simulators
+    that the newest log tells; then it stays near the best, in those that all logs tell. It goes on where it was
+    interrupted.
     Every trial's log is registered, as "NAME trial N". Where it does not tell in which simulators to seek (none is
     close enough, or it is too short), the next gait is sought in those of the round before.
 
@@ -78,39 +80,18 @@ def gait_rounds(
             break
         seed = stream_seed(settings.seed, "gait round", number) % 2**31 if rounds else settings.seed
         each = replace(settings.each, seed=seed, resume=True)
-        sought = _Sought(each, _best_first(asked.robot, task, tried), progress)
-        found = kept(number, lambda: sought.first_of(last, by))  # noqa: B023
-        by = _told_by(found, number, each, task, (last, by))
+        sought = Next(each, had(asked.robot, task, tried), progress)
+        found = kept(number, lambda: sought.by_first_of(last, by))  # noqa: B023
+        by = told_by(found, number, each, task, (last, by))
         require_playable(found)
         say(f"trial {number}: {found.prediction}")
         trial = real.run(commands(found)[1], found.rate, f"trial_{number}")
         reached = _fitness(task, trial)
-        tried.append((reached, found))
+        tried.append(Tried(found, reached, trial.fell))
         rounds.append(_round(found, by is last, asked, number, trial, reached))
         say(f"trial {number}: {rounds[-1].outcome(task.unit)}; its log is {rounds[-1].name!r}")
         last = replace(asked, recording=asked.registry.recording(rounds[-1].recording), name=rounds[-1].name)
     return _document(asked, task, rounds, real.spent.seconds - before, ended)
-
-
-@dataclass(frozen=True)
-class _Sought:
-    """A search of a round. tried : genes of the gaits that the robot has had."""
-
-    settings: GaitSettings
-    tried: tuple[tuple[float, ...], ...]
-    progress: Progress | None
-
-    def first_of(self, last: "Recorded", before: "Recorded") -> "Gait":
-        """The gait by the last recording or, where that does not tell in which simulators to seek, by the one before.
-
-        Raises as `gait`.
-        """
-        try:
-            return gait(last, self.settings, self.progress, tried=self.tried)
-        except (NoMatchError, LogError):
-            if before is last:
-                raise
-        return gait(before, self.settings, self.progress, tried=self.tried)
 
 
 def _fitness(task: "Task", trial: "RealTrial") -> float:
@@ -146,42 +127,6 @@ def require_query(on: str) -> None:
             expected=f"one of {', '.join(told)}: a query of each trial's log names the next simulators",
             do="choose one of them, or seek one gait without trials",
         )
-
-
-def _best_first(
-    robot: "Robot", task: "Task", tried: "list[tuple[float, Gait]]"
-) -> tuple[tuple[float, ...], ...]:
-    """Genes of the gaits that the robot has had, in the order of what they reached there."""
-    from dynreg.gait.space import gait_space
-    from dynreg.verbs.gaits import genes_of
-
-    space, order = gait_space(robot, task.motion), sorted(tried, key=lambda one: -one[0])
-    return tuple(tuple(space.from_dict(genes_of(found)).tolist()) for _, found in order)
-
-
-def _told_by(
-    found: "Gait", number: int, settings: GaitSettings, task: "Task", asked: "tuple[Recorded, ...]"
-) -> "Recorded":
-    """The recording that told the simulators of a gait; UsageError where a kept one was sought otherwise."""
-    robot = asked[0].robot
-    own = {"robot_hash": robot.hash, "task": task.name, "on": settings.on, "method": settings.method}
-    own |= {"accept": settings.search(1).accept, "seed": settings.seed}
-    for name, value in own.items():
-        if (was := getattr(found, name)) != value:
-            raise UsageError(
-                f"the gait of trial {number} was sought with {name} {was}",
-                expected=f"{value}, as this command says",
-                do="give the settings of the first start, or name another folder for the trials",
-            )
-    told = {one.recording.id: one for one in reversed(asked)}
-    if found.recording not in told:
-        names = " or ".join(f"{one.name!r} ({identity[:12]})" for identity, one in told.items())
-        raise UsageError(
-            f"the gait of trial {number} was sought for recording {found.recording[:12]}",
-            expected=names,
-            do="name a folder of its own for the trials of each recording",
-        )
-    return told[found.recording]
 
 
 def _round(

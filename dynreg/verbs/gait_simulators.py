@@ -1,7 +1,7 @@
 """The simulators in which the search for a gait evaluates it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -43,6 +43,14 @@ def choose(asked: Recorded, on: str, settings: QuerySettings, seed: int, progres
     named = _named(asked, refs)
     kinds = tuple(ref if ref in WORDS else _kind(one) for ref, one in zip(refs, named, strict=True))
     return Chosen(on, kinds, named, named[0].source)
+
+
+def with_earlier(asked: Recorded, chosen: Chosen, ids: Sequence[str]) -> Chosen:
+    """The chosen simulators, and those that were chosen by the same word before (their ids), each once."""
+    has = {one.id for one in chosen.simulators}
+    more = _named(asked, [i for i in dict.fromkeys(ids) if i not in has])
+    kinds = (*chosen.kinds, *chosen.kinds[:1] * len(more))
+    return replace(chosen, kinds=kinds, simulators=(*chosen.simulators, *more))
 
 
 def _kind(one: Simulator) -> str:

@@ -25,8 +25,11 @@ from dynreg.session import Session
 from dynreg.sim.config import SimConfig
 from dynreg.sim.real import Budget, SimulatedRobot, Spent
 from dynreg.sim.robot import Robot, load_robot
+from dynreg.verbs.gait import GaitSettings, Had
 from dynreg.verbs.gait import gait as seek
 from dynreg.verbs.gaits import genes_of
+from dynreg.verbs.next_gait import Tried, had
+from dynreg.verbs.subjects import recorded
 from dynreg.verbs.trial_folder import MCAP_END, TrialFolder
 
 ROLLOUTS = 22  # two batches of CMA-ES in one simulator
@@ -41,7 +44,7 @@ def opened(tmp_path: Path, brief, short_log, monkeypatch: pytest.MonkeyPatch) ->
         values = brief.space.as_dict(brief.space.nominal)
         configs = [SimConfig(brief.hash, brief.name, values | {"torque": torque}) for torque in (1.3, 1.5)]
         ids = [made.registry.put_simulator(config.as_dict()) for config in configs]
-        made.queried, made.fits = [], {}
+        made.queried, made.fits, made.ids = [], {}, ids
 
         def query(asked, settings, progress):
             made.queried.append(asked.name)
@@ -64,14 +67,14 @@ def robot_of(brief: Robot, **budget: int) -> SimulatedRobot:
 def test_each_trials_log_tells_where_the_next_gait_is_sought(
     opened: Session, brief: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    real, had = robot_of(brief), []
+    real, told = robot_of(brief), []
 
-    def gait(asked, settings, progress, *, tried):
-        had.append(tried)
+    def gait(asked, settings, progress, *, had):
+        told.append(had.genes)
         assert settings.resume  # an interrupted search goes on
-        return seek(asked, settings, progress, tried=tried)
+        return seek(asked, settings, progress, had=had)
 
-    monkeypatch.setattr("dynreg.verbs.gait_rounds.gait", gait)
+    monkeypatch.setattr("dynreg.verbs.next_gait.gait", gait)
     found = opened.gait_rounds("log", real, trials=3, **ASKED)
     assert isinstance(found, GaitRounds) and opened.result("@last") == found
     assert opened.queried == ["log", "log trial 1", "log trial 2"]
@@ -96,7 +99,30 @@ def test_each_trials_log_tells_where_the_next_gait_is_sought(
     # those that the robot has had are tried first in the next search, the best before the others
     genes = [tuple(gait_space(brief).from_dict(genes_of(g))) for g in gaits]
     best, other = sorted((0, 1), key=lambda i: -found.rounds[i].fitness)
-    assert had == [(), (genes[0],), (genes[best], genes[other])]
+    assert told == [(), (genes[0],), (genes[best], genes[other])]
+
+
+def test_once_a_gait_walked_the_next_is_sought_near_it_in_the_simulators_of_all_logs(opened, brief) -> None:
+    asked = recorded(opened.registry, "log", ingest=True)
+    settings = GaitSettings(on="synthesised", rollouts=150, threads=1, packaged=False)
+    space = gait_space(brief)
+    best, other = (tuple(space.feasible(space.from_unit(u[None]))[0]) for u in space.starts[:2])
+    newest, earlier = opened.ids[1], opened.ids[0]  # as the fixture's query tells of "log" and of a trial
+    told = lambda walked: Had((best, other), walked, (newest, earlier, earlier))  # noqa: E731
+    near = seek(asked, settings, had=told(walked=True))
+    assert [t.simulator for t in near.trials] == [newest, earlier] and near.seed == settings.seed
+    assert near.cost.rollouts <= 150 + 2 + 40  # a gait costs a run, and 40 in all tell what it may bring
+    assert [t.simulator for t in seek(asked, settings, had=told(walked=False)).trials] == [newest]
+
+
+def test_the_best_gait_walked_where_it_stood_and_reached_what_counts_as_success(opened, brief) -> None:
+    task, gaits = task_of(brief), [opened.gait("log", **(ASKED | {"seed": seed})) for seed in (1, 2)]
+    genes = [tuple(gait_space(brief).from_dict(genes_of(g))) for g in gaits]
+    for reached, walked in ((0.9, True), (task.success, True), (0.9 * task.success, False)):
+        told = had(brief, task, [Tried(gaits[0], 0.0, True), Tried(gaits[1], reached, False)])
+        assert told.genes == (genes[1], genes[0]) and told.walked == walked
+        assert told.simulators == tuple(t.simulator for g in gaits for t in g.trials)
+    assert not had(brief, task, [Tried(gaits[0], 0.0, True)]).walked and not had(brief, task, []).walked
 
 
 def test_the_budget_ends_the_trials_and_all_that_was_found_is_kept(opened, brief) -> None:
@@ -241,7 +267,7 @@ def test_trials_through_a_folder_are_those_of_the_robot_and_a_second_start_goes_
     assert there == {f"{kind}_{i}{end}" for i in (1, 2) for kind, end in KINDS}
 
     # nothing is sought or waited for again
-    monkeypatch.setattr("dynreg.verbs.gait_rounds.gait", None)
+    monkeypatch.setattr("dynreg.verbs.next_gait.gait", None)
     again = opened.gait_rounds("log", folder, trials=2, say=said.append, **asked)
     assert again == found and [line.split()[0] for line in said[6:]] == ["trial", "trial"] * 2
 

@@ -1,0 +1,103 @@
+"""The search near a gait that walked on the robot, in the simulators that all logs so far tell of."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dynreg.gait.accept import ACCEPT
+from dynreg.gait.seek import Finals, SearchSettings, Sought, answer
+from dynreg.gait.tasks import fell, fitness
+from dynreg.gait.trials import Trials
+from dynreg.rng import stream
+from dynreg.search.drive import Limits, drive
+from dynreg.search.journal import Journal
+from dynreg.search.start import Start
+from dynreg.search.table import SEARCHES
+
+STEP = 0.05  # of the ranges, 1 sigma, at first
+# Of the ranges, 1 sigma, by which parameters move. Answers of queries about two quadrupeds were off by 0.11 to 0.28
+# (RMS over the parameters); with 0.03, a search went beyond what the robot could still walk.
+DOUBT = 0.1
+SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the way from the gait to what the search found
+TURNS = 1_000  # draws from here on are those of the search
+
+
+def may_stay(method: str) -> bool:
+    """Whether a search can stay near a gait: it sets out from one point, and learns from each batch alone."""
+    return SEARCHES[method].from_one and SEARCHES[method].by_order
+
+
+def seek_near(
+    trials: Trials,
+    settings: SearchSettings,
+    *,
+    journal: Path | None = None,
+    resume: bool = False,
+    key: Mapping[str, Any] | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Sought:
+    """The gait between the first of `settings.tried` and what a search about it finds; the same each time.
+
+    Each batch runs in one of the simulators, which take turns, with parameters moved by `DOUBT` and noise of its own
+    (domain randomisation: Tobin et al., arXiv 1703.06907). So a gait costs one rollout, however many simulators there
+    are, and the search finds which way gaits get better in all. How far to go, `farthest` says.
+
+    The arguments are those of `seek.seek`.
+    """
+    space, k, kind = trials.space, len(trials.simulators), SEARCHES[settings.method]
+    draws = int(settings.again * settings.rollouts) // (len(SHARES) * k)
+    evaluations = settings.rollouts - draws * len(SHARES) * k
+    begin = space.to_unit(np.array(settings.tried[:1]))[0]
+    rng, steps = stream(settings.seed, "gait near", settings.method), np.full(len(space), STEP)
+    search = kind.begin(Start(len(space), rng, kind.batch, begin, space.periodic, steps))
+    begun, stood = 0, np.zeros(k, dtype=bool)
+
+    def graded(unit: np.ndarray) -> np.ndarray:
+        return trials.again(
+            space.feasible(space.from_unit(unit)), 1, first=TURNS + begun, doubt=DOUBT, only=begun % k
+        )[:, 0]
+
+    def watched(grades: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        nonlocal begun
+        stood[begun % k] |= not fell(grades).all()
+        begun += 1
+        return fitness(grades)[:, 0], -grades[:, 0]
+
+    found = drive(
+        search,
+        graded,
+        watched,
+        Limits(evaluations, settings.patience),
+        journal=Journal(journal, key or {}, resume=resume) if journal else None,
+        progress=(lambda done, total: progress("search", done, total)) if progress else None,
+    )
+    if progress:
+        progress("search", evaluations, evaluations)
+    best, finals = farthest(trials, settings.accept, between(begin, search.middle, space.periodic), draws)
+    return answer(trials, best, found, finals, ~stood & (np.arange(k) < begun))
+
+
+def between(begin: np.ndarray, end: np.ndarray, periodic: np.ndarray) -> np.ndarray:
+    """(n, P) `SHARES` of the way from one point (P,) of the unit cube to another; periodic (P,) as `Start` has it."""
+    way = end - begin
+    way = np.where(periodic, np.mod(way + 0.5, 1.0) - 0.5, way)
+    points = begin + np.array(SHARES)[:, None] * way
+    return np.where(periodic, np.mod(points, 1.0), points)
+
+
+def farthest(trials: Trials, accept: str, points: np.ndarray, draws: int) -> tuple[np.ndarray, Finals | None]:
+    """The best of the points (n, P) after the first, and what it did: all meet the same so many draws of noise and
+    parameters, moved by `DOUBT`, in every simulator. The highest gain over the first is taken: accepted over the
+    simulators, of the mean over draws. So a simulator that is wrong about how far a gait goes does not decide alone.
+
+    Without draws it is the point half way, and None.
+    """
+    if not draws:
+        return points[SHARES.index(0.5)], None
+    space, accepted = trials.space, ACCEPT[accept]
+    seen = trials.again(space.feasible(space.from_unit(points)), draws, doubt=DOUBT)
+    values = fitness(seen).mean(axis=1)
+    best = 1 + int(np.argmax(accepted(values[1:] - values[0])))
+    return points[best], Finals(seen[best].size, int(fell(seen[best]).sum()), float(accepted(values)[best]))

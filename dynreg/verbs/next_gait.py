@@ -1,0 +1,83 @@
+"""The next gait of trials on a robot: what the trials before tell of where it is sought."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from dynreg.errors import LogError, NoMatchError, UsageError
+from dynreg.progress import Progress
+from dynreg.verbs.gait import GaitSettings, Had, gait
+
+if TYPE_CHECKING:
+    from dynreg.gait.tasks import Task
+    from dynreg.results.gait import Gait
+    from dynreg.sim.robot import Robot
+    from dynreg.verbs.subjects import Recorded
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A gait that the robot has had, and what it did there: the fitness that it reached, and whether it fell."""
+
+    gait: "Gait"
+    reached: float
+    fell: bool
+
+
+def had(robot: "Robot", task: "Task", tried: Sequence[Tried]) -> Had:
+    """What the next search is told of the gaits that the robot has had; one that reached `task.success` walked."""
+    from dynreg.gait.space import gait_space
+    from dynreg.verbs.gaits import genes_of
+
+    space, order = gait_space(robot, task.motion), sorted(tried, key=lambda one: -one.reached)
+    return Had(
+        genes=tuple(tuple(space.from_dict(genes_of(one.gait)).tolist()) for one in order),
+        walked=bool(order) and not order[0].fell and order[0].reached >= task.success,
+        simulators=tuple(trial.simulator for one in tried for trial in one.gait.trials),
+    )
+
+
+@dataclass(frozen=True)
+class Next:
+    """The search for the next gait."""
+
+    settings: GaitSettings
+    had: Had
+    progress: Progress | None
+
+    def by_first_of(self, last: "Recorded", before: "Recorded") -> "Gait":
+        """The gait by the last recording or, where that does not tell in which simulators to seek, by the one before.
+
+        Raises as `gait`.
+        """
+        try:
+            return gait(last, self.settings, self.progress, had=self.had)
+        except (NoMatchError, LogError):
+            if before is last:
+                raise
+        return gait(before, self.settings, self.progress, had=self.had)
+
+
+def told_by(
+    found: "Gait", number: int, settings: GaitSettings, task: "Task", asked: "tuple[Recorded, ...]"
+) -> "Recorded":
+    """The recording that told the simulators of a gait; UsageError where a kept one was sought otherwise."""
+    robot = asked[0].robot
+    own = {"robot_hash": robot.hash, "task": task.name, "on": settings.on, "method": settings.method}
+    own |= {"accept": settings.search(1).accept, "seed": settings.seed}
+    for name, value in own.items():
+        if (was := getattr(found, name)) != value:
+            raise UsageError(
+                f"the gait of trial {number} was sought with {name} {was}",
+                expected=f"{value}, as this command says",
+                do="give the settings of the first start, or name another folder for the trials",
+            )
+    told = {one.recording.id: one for one in reversed(asked)}
+    if found.recording not in told:
+        names = " or ".join(f"{one.name!r} ({identity[:12]})" for identity, one in told.items())
+        raise UsageError(
+            f"the gait of trial {number} was sought for recording {found.recording[:12]}",
+            expected=names,
+            do="name a folder of its own for the trials of each recording",
+        )
+    return told[found.recording]

@@ -1,0 +1,108 @@
+"""The search near a gait that walked: simulators take turns, and of the way that it found a part is gone."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dynreg.gait.near import DOUBT, SHARES, STEP, between, farthest, may_stay, seek_near
+from dynreg.gait.seek import Finals, SearchSettings
+from dynreg.gait.trials import Trials
+from dynreg.search.table import SEARCHES
+
+NEAR = [method for method in SEARCHES if may_stay(method)]
+
+
+def begun(trials: Trials) -> tuple[float, ...]:
+    """The first of the robot's own gaits."""
+    space = trials.space
+    return tuple(space.feasible(space.from_unit(space.starts[:1]))[0].tolist())
+
+
+def settings_of(trials: Trials, method: str = "cma", **how) -> SearchSettings:
+    return SearchSettings(
+        method, **({"rollouts": 150, "again": 0.2, "seed": 3} | how), tried=(begun(trials),), near=True
+    )
+
+
+def test_only_searches_that_set_out_from_one_gait_and_learn_from_each_batch_can_stay() -> None:
+    assert NEAR == ["cma", "es"]
+
+
+@pytest.mark.parametrize("method", NEAR)
+def test_simulators_take_turns_and_what_is_tried_is_near(method: str, trials, monkeypatch) -> None:
+    asked, again = [], trials.again
+    monkeypatch.setattr(trials, "again", lambda *a, **k: asked.append((a, k)) or again(*a, **k))
+    settings = settings_of(trials, method)
+    found = seek_near(trials, settings)
+    assert trials.rollouts <= settings.rollouts + 2  # the answer is run once more, for its way
+    turns = [(a[0], k) for a, k in asked if k.get("only") is not None]
+    assert [k["only"] for _, k in turns] == [i % 2 for i in range(len(turns))] and len(turns) > 3
+    draws = [k["first"] for _, k in turns]
+    assert len({*draws}) == len(draws)  # other noise and other parameters for each batch
+    space = trials.space
+    first, away = space.to_unit(np.array(begun(trials))[None]), space.to_unit(turns[0][0])
+    apart = np.abs(away - first)
+    apart[:, space.periodic] = np.minimum(apart, 1.0 - apart)[:, space.periodic]
+    assert 0.3 * STEP < apart.mean() < 1.5 * STEP
+    (points, last), how = asked[-1]  # then the points of the way meet other draws, the same for all, in both
+    assert how["doubt"] == DOUBT and "only" not in how and how.get("first", 0) + last < min(draws)
+    assert len(points) == len(SHARES) and any((gait == found.genes).all() for gait in points)
+    assert found.finals.runs == 2 * last
+
+
+def test_one_simulator_alone_does_what_it_does_beside_others(trials) -> None:
+    genes = np.array([begun(trials)])
+    both = trials.again(genes, 2)
+    for number in (0, 1):
+        assert np.array_equal(trials.again(genes, 2, only=number)[:, :, 0], both[:, :, number])
+    assert trials.rollouts == 4 + 2 * 2
+
+
+def test_a_search_near_a_gait_goes_on_to_the_same_end(trials, tmp_path: Path) -> None:
+    settings, path, done = settings_of(trials), tmp_path / "one.jsonl", []
+    whole = seek_near(trials, settings)
+
+    def interrupt(stage: str, at: int, total: int) -> None:
+        done.append(at)
+        if len(done) == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        seek_near(trials, settings, journal=path, key={"a": 1}, progress=interrupt)
+    gone_on = seek_near(trials, settings, journal=path, key={"a": 1}, resume=True)
+    assert gone_on.found.resumed == done[2] and np.array_equal(gone_on.genes, whole.genes)
+    assert gone_on.finals == whole.finals and gone_on.found.history == whole.found.history
+    assert not np.array_equal(seek_near(trials, settings_of(trials, seed=4)).genes, whole.genes)
+
+
+def test_a_way_between_two_gaits_is_the_short_one_where_genes_run_round() -> None:
+    begin, end, periodic = np.array([0.2, 0.9]), np.array([0.6, 0.1]), np.array([False, True])
+    points = between(begin, end, periodic)
+    assert points[:, 0] == pytest.approx([0.2, 0.3, 0.4, 0.5, 0.6])
+    assert points[:, 1] == pytest.approx([0.9, 0.95, 0.0, 0.05, 0.1])
+
+
+def test_of_the_way_as_much_is_gone_as_gains_most_on_average_over_all_draws(trials, monkeypatch) -> None:
+    """In one simulator gaits get better all the way; in the other, where all do less, they fall from half of it on."""
+    points = between(*trials.space.to_unit(np.array([begun(trials), begun(trials)])), trials.space.periodic)
+    there = np.array([[[5.0, 0.5]], [[5.5, 1.2]], [[7.0, 1.1]], [[9.0, 0.5]], [[12.0, -999.0]]])
+
+    def graded(genes: np.ndarray, draws: int, *, doubt: float) -> np.ndarray:
+        out = np.tile(there, (1, draws, 1))
+        out[3, 0, 1] = -999.0
+        return out
+
+    monkeypatch.setattr(trials, "again", graded)
+    best, finals = farthest(trials, "min", points, 4)
+    assert np.array_equal(best, points[2]) and finals == Finals(8, 0, 1.1)  # the other gains 2.0
+    best, finals = farthest(trials, "mean", points, 4)
+    assert np.array_equal(best, points[4]) and (finals.falls, finals.value) == (4, 6.0)
+    there[1:] = 0.1  # all are worse: the robot still gets another gait than it has had
+    assert np.array_equal(farthest(trials, "min", points, 4)[0], points[1])
+    assert np.array_equal(farthest(trials, "min", points, 0)[0], points[2])  # few rollouts: half of the way
+
+
+def test_few_rollouts_are_not_exceeded(trials) -> None:
+    found = seek_near(trials, settings_of(trials, rollouts=22))
+    assert found.finals is None and trials.space.problems(found.genes) == () and trials.rollouts <= 24
