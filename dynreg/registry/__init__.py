@@ -16,6 +16,7 @@ from dynreg.registry.records import (
 )
 from dynreg.registry.registry import Registry
 from dynreg.registry.removing import Removal, removal, remove
+from dynreg.registry.server import persistent
 from dynreg.registry.verifying import verify
 
 __all__ = [
@@ -37,6 +38,7 @@ __all__ = [
     "collect",
     "export",
     "open_source",
+    "persistent",
     "removal",
     "remove",
     "take_in",

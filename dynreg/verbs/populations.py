@@ -26,7 +26,7 @@ from dynreg.neighbours.entries import (
     shared_from,
 )
 from dynreg.progress import Progress
-from dynreg.registry import PopulationRecord, Registry, ShardData
+from dynreg.registry import PopulationRecord, Registry, ShardData, persistent
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.verbs.accepted import accept
 from dynreg.verbs.subjects import Recorded, population_for
@@ -140,11 +140,11 @@ def fill_span(
 ) -> tuple[int, dict[str, float]]:
     """Make and store the entries of a missing span, unless another process does: how many, and the seconds by part.
 
-    registry : its path. Their bytes depend on the population and their numbers alone, and they are entered at once, so
+    registry : its path. A server that is away is waited for. Their bytes depend on the population and their numbers alone, and they are entered at once, so
     that a job whose process was lost, or that is done twice, leaves what one that ends well leaves.
     """
     watch = Stopwatch()
-    with Registry.open(registry) as held, held.claim(population, span[0]) as mine:
+    with persistent(Registry.open)(registry) as held, held.claim(population, span[0]) as mine:
         if not mine:
             return 0, {}
         shared = shared_of(held, held.population(population))
