@@ -17,7 +17,7 @@ from dynreg.registry.records import (
 from dynreg.registry.registry import Registry
 from dynreg.registry.removing import Removal, removal, remove
 from dynreg.registry.server import persistent
-from dynreg.registry.verifying import verify
+from dynreg.registry.verifying import rebuild, verify
 
 __all__ = [
     "EntryRecord",
@@ -39,6 +39,7 @@ __all__ = [
     "export",
     "open_source",
     "persistent",
+    "rebuild",
     "removal",
     "remove",
     "take_in",

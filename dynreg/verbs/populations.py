@@ -161,11 +161,17 @@ def shard(made: Made) -> ShardData:
     return ShardData(made.values, made.states, weights, *losses, extra, made.periods)
 
 
-def link(registry: Registry, population: str, *, threads: int = 0, anew: bool = False) -> tuple[int, int]:
+def link(
+    registry: Registry,
+    population: str,
+    *,
+    threads: int = 0,
+    anew: bool = False,
+    watch: Stopwatch | None = None,
+) -> tuple[int, int]:
     """Link the entries that are not linked yet, or all of them `anew`; see `linking.link`."""
-    return linking.link(
-        registry, population, shared_of(registry, registry.population(population)), threads=threads, anew=anew
-    )
+    shared = shared_of(registry, registry.population(population))
+    return linking.link(registry, population, shared, threads=threads, anew=anew, watch=watch)
 
 
 def ready(asked: Recorded, ref: str | None, *, states: bool = False, judged: bool = False) -> Population:

@@ -33,6 +33,11 @@ def test_from_init_to_an_answer_that_another_folder_shows(
     shown = json.loads(dynreg("show", result["id"], "--registry", "there", "--json").out)
     assert shown["detail"]["answer"] == answer["answer"]
     assert json.loads(dynreg("verify", "--registry", "there", "--json").out)["clean"]
+    stores.sql("postgres", f"DROP DATABASE {name} WITH (FORCE)", f"CREATE DATABASE {name}")
+    refused = dynreg("init", *where, "--registry", "anew")
+    assert refused.status == 1 and "add --rebuild" in refused.err
+    assert dynreg("init", *where, "--registry", "anew", "--rebuild", "--json").status == 0
+    assert json.loads(dynreg("show", result["id"], "--registry", "anew", "--json").out) == shown
     stores.drop(name)
 
 

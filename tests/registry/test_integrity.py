@@ -13,7 +13,7 @@ import pytest
 from flips import answers, flipped, flipped_objects, found, judged, wrong
 from hands import bucket_of, files_of, lose_catalogue, row_number, sql, stored
 from registry_contents import ROBOT, make_population, make_recording, make_robot, make_shard
-from sound import Sound, database_of, sound_in
+from sound import Sound, sound_in
 
 from dynreg.data.recording import Recording
 from dynreg.errors import CorruptError, Damaged, DynregError, NoPlaceError, RegistryError
@@ -341,9 +341,7 @@ def test_an_empty_registry_whose_creation_was_cut_short_is_sound(tmp_path):
 
 
 @pytest.mark.parametrize("code", [5, 13, 24])  # EIO, EACCES, EMFILE
-def test_a_disk_that_fails_is_no_damage_and_nothing_is_repaired_for_it(
-    work, monkeypatch, code
-):
+def test_a_disk_that_fails_is_no_damage_and_nothing_is_repaired_for_it(work, monkeypatch, code):
     with Registry.open(work) as registry:
         registry.recordings()
     before = stored(work)

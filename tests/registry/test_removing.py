@@ -74,7 +74,9 @@ def test_a_recording_outlives_a_version_of_its_robot(registry, tmp_path):
     assert not (registry.path / "robots" / ROBOT).exists() and not verify(registry.path).faults
     last = remove(registry, ["arm"])
     assert kinds(last) == ["recording", "result", "robot"], "no version is left"
-    assert files(registry) == {"dynreg.json"} & stored(registry.path).keys() and not verify(registry.path).faults
+    assert (
+        files(registry) == {"dynreg.json"} & stored(registry.path).keys() and not verify(registry.path).faults
+    )
 
 
 def test_a_recording_moves_to_a_version_that_it_fits_and_to_no_other(registry, tmp_path):

@@ -99,7 +99,9 @@ NUMBERED = ("catalog", "page")  # an ingestion changes which recording is the la
 
 
 def test_putting_again_changes_no_file(registry, robot):
-    before = {name: data for name, data in stored(registry.path).items() if name.split(".")[0] not in NUMBERED}
+    before = {
+        name: data for name, data in stored(registry.path).items() if name.split(".")[0] not in NUMBERED
+    }
     fill(registry, robot)
     ids = registry.put_shard("bench", 4, make_shard(4, 8))
     registry.put_recording(make_recording(1), ROBOT, "first run")

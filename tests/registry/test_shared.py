@@ -1,5 +1,6 @@
 """A shared registry is the same registry: whoever opens it, wherever, with others at the same time."""
 
+import shutil
 import threading
 import time
 from pathlib import Path
@@ -19,7 +20,7 @@ from registry_contents import (
 
 import dynreg.registry.server as server
 from dynreg.errors import CorruptError, NoPlaceError, RegistryError, UsageError
-from dynreg.registry import Registry, verify
+from dynreg.registry import Registry, rebuild, verify
 from dynreg.registry.bucket import Bucket
 from dynreg.registry.collecting import collect
 from dynreg.registry.reaching import explained
@@ -260,11 +261,52 @@ def test_a_catalogue_that_is_lost_is_not_taken_for_an_empty_one(faces, robot, st
     stores.sql("postgres", f"DROP DATABASE {place} WITH (FORCE)", f"CREATE DATABASE {place}")
     with pytest.raises(CorruptError, match="verify --repair"):
         Registry.open(registry.path)
-    with pytest.raises(RegistryError, match="whose catalogue is another one"):
+    with pytest.raises(RegistryError, match="whose catalogue is another one.* add --rebuild"):
         Registry.share(tmp_path / "new", stores.catalog(place), stores.blobs(place))
     verify(registry.path, repair=True)
     with Registry.open(registry.path) as again:
         assert again.content_hash() == content
+
+
+def test_a_registry_of_which_the_bucket_alone_is_left_is_joined_again(faces, robot, stores, place, tmp_path):
+    registry = faces()
+    fill(registry, robot)
+    registry.put_recording(make_recording(1), ROBOT, "first run")
+    registry.put_result("neighbours", "first run", {"k": 5})
+    content, last = registry.content_hash(), registry.latest()
+    with pytest.raises(RegistryError, match="holds the catalogue of a.*an empty database"):
+        rebuild(tmp_path / "new", stores.catalog(place), stores.blobs(place))
+    registry.close()
+    shutil.rmtree(registry.path)
+    stores.sql("postgres", f"DROP DATABASE {place} WITH (FORCE)", f"CREATE DATABASE {place}")
+    with pytest.raises(RegistryError, match="nothing from which"):
+        rebuild(tmp_path / "new", stores.catalog(place), stores.blobs(place, "elsewhere"))
+    assert not (tmp_path / "new").exists()
+    assert not rebuild(tmp_path / "new", stores.catalog(place), stores.blobs(place)).lost
+    with Registry.open(tmp_path / "new") as again:
+        assert again.content_hash() == content and again.latest() == last
+        assert again.resolve("first run")[1] == make_recording(1).id
+    assert verify(tmp_path / "new").faults == ()
+
+
+def test_a_database_of_yesterday_is_found_and_gets_what_came_since(faces, robot, stores, place):
+    registry = faces()
+    fill(registry, robot)
+    registry.close()
+    stores.sql("postgres", f"CREATE DATABASE {place}y TEMPLATE {place}")
+    with Registry.open(registry.path) as again:
+        for seed in (1, 2):
+            again.put_recording(make_recording(seed), ROBOT, f"run {seed}")
+        content = again.content_hash()
+    back = f"CREATE DATABASE {place} TEMPLATE {place}y"
+    stores.sql("postgres", f"DROP DATABASE {place} WITH (FORCE)", back, f"DROP DATABASE {place}y")
+    (fault,) = verify(registry.path).faults
+    assert fault.kind == "catalog" and "last 2 pages" in fault.problem and not fault.lost
+    assert not verify(registry.path, repair=True).lost
+    with Registry.open(registry.path) as again:
+        assert again.content_hash() == content
+        assert [info.names for info in again.recordings()] == [("run 1",), ("run 2",)]
+    assert verify(registry.path).faults == ()
 
 
 SECRET = "open-sesame"
