@@ -123,14 +123,9 @@ def _measured(place: Path, robot: Robot, plan: Plan, report: Progress) -> _Told:
     each = {step: watch.seconds[step] / more for step in ("simulate", "train", "store")}
     base = _base(plan.training, watch.seconds["base"], each)
     apart = links["graph"] / evaluations * CANDIDATES
-    return _Told(
-        each,
-        _linking(small_links["index"], links["index"], apart),
-        base,
-        *(sizes[name] for name in FOLDERS),
-        resident,
-        (resident - warm) / more,
-    )
+    linking = _linking(small_links["index"], links["index"], apart)
+    growth = (resident - warm) / more
+    return _Told(each, linking, base, sizes["shards"], sizes["index"], resident, growth)
 
 
 def _linked(registry: Registry, identity: str, threads: int) -> tuple[Mapping[str, float], int]:
