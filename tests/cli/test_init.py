@@ -20,6 +20,8 @@ def test_from_init_to_an_answer_that_another_folder_shows(
     shutil.copytree(registry_folder, "old")
     made = dynreg("init", *where, "--registry", "here", "--json")
     assert made.status == 0 and json.loads(made.out)["catalog"] == stores.catalog(name), made.err
+    told = dynreg("populate", "servo_pendulum", "-n", "300", "--dry-run", "--registry", "here")
+    assert f"GB go to s3://{name}/robots, with a copy" in " ".join(told.out.split()), told.err
     for line in (
         ("import", "old"),
         ("ingest", "run.csv", "--robot", "servo_pendulum", "--name", "monday"),

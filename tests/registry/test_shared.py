@@ -300,6 +300,8 @@ def test_a_database_of_yesterday_is_found_and_gets_what_came_since(faces, robot,
         content = again.content_hash()
     back = f"CREATE DATABASE {place} TEMPLATE {place}y"
     stores.sql("postgres", f"DROP DATABASE {place} WITH (FORCE)", back, f"DROP DATABASE {place}y")
+    with Registry.open(registry.path) as again, pytest.raises(RegistryError, match="older than the ledger"):
+        collect(again)
     (fault,) = verify(registry.path).faults
     assert fault.kind == "catalog" and "last 2 pages" in fault.problem and not fault.lost
     assert not verify(registry.path, repair=True).lost
