@@ -15,8 +15,10 @@ from dynreg.registry.bucket import Bucket
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import CACHE, FOLDERS, LEDGER, LOCKS, is_temporary, read_regular, write_file
 from dynreg.registry.ledger import page_name
+from dynreg.registry.seal import lost_tables
 from dynreg.registry.served import ServedCatalog
 from dynreg.registry.server import address
+from dynreg.registry.tables import metadata
 from dynreg.registry.writing import Writing
 
 MARKER = "dynreg.json"
@@ -83,7 +85,7 @@ def share(path: Path, told: Shared, lost: bool = False) -> None:
     address(told.catalog)
     bucket = Bucket(told.blobs)
     bucket.check()
-    catalog = ServedCatalog(told.catalog, bucket)
+    catalog = ServedCatalog(told.catalog, bucket, migrate=not lost)
     try:
         _check_pair(catalog, bucket, lost)
     finally:
@@ -96,12 +98,13 @@ def share(path: Path, told: Shared, lost: bool = False) -> None:
 def _check_pair(catalog: ServedCatalog, bucket: Bucket, lost: bool) -> None:
     """RegistryError where the bucket lacks the last page that the catalogue names, or holds some and it names none.
 
-    Of a `lost` catalogue the bucket must hold pages, and the database that takes its place none.
+    Of a `lost` catalogue the bucket must hold something, and the database that takes its place nothing.
     """
     with catalog.read() as connection:
-        number, sha256 = Writing(connection).last_page()
+        nothing = lost and len(lost_tables(connection)) == len(metadata.tables)
+        number, sha256 = (0, "") if nothing else Writing(connection).last_page()
     pages, where = bucket.names(LEDGER), bucket.uri.partition("?")[0]
-    if lost and (number or not pages):
+    if lost and (number or not (pages or bucket.names(""))):
         raise RegistryError(
             f"the database holds the catalogue of {'another' if pages else 'a'} registry"
             if number

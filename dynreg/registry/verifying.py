@@ -22,11 +22,12 @@ from dynreg.registry.opening import (
     lost_marker,
     make_folders,
     may_write,
+    tells_of_puts,
     write_marker,
 )
 from dynreg.registry.repairing import check_room, foreseen, mended, put_away, repaired
 from dynreg.registry.scan import damaged_here
-from dynreg.registry.seal import lost_tables
+from dynreg.registry.seal import drop_views, lost_tables
 from dynreg.registry.served import ServedCatalog
 from dynreg.registry.sharing import Shared, open_shared, share, shared_at
 
@@ -100,11 +101,14 @@ def _of_shared(path: Path, told: Shared, repair: bool, dry_run: bool) -> VerifyR
         with directory.catalog.transaction("BEGIN IMMEDIATE" if repair or lacking else "BEGIN") as connection:
             directory.take_time(connection)  # the bucket is copied within it
             if lacking:  # they are made for the examination, and stay where it ends with a repair
+                drop_views(connection, lacking)
                 tables.metadata.create_all(connection)
                 if pending := migrations.pending(connection):
                     connection.execute(tables.migrations.insert(), [{"name": name} for name in pending])
             stored = read_served(place, directory.catalog, connection)
             brought = bring_all(directory.bucket, place, stored.pages)
+            if not stored.pages and not pages_after(place, 0) and tells_of_puts(brought):
+                stored = replace(stored, faults=("it is lost, and the ledger with it",))  # all rows are new
             lost = _EMPTY if lacking or (not stored.pages and pages_after(place, 0)) else ()
             lost = lost or _older(directory.catalog, place)
             if repair:

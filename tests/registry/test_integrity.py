@@ -223,8 +223,17 @@ STRANGE = {
 }
 
 
+NOT_THERE = {
+    "a trigger": "what a server does beside dynreg's tables is its owner's to judge",
+    "a table more": "a database may hold other tables",
+    "bytes for a name": "PostgreSQL keeps no bytes in a column of text",
+}
+
+
 @pytest.mark.parametrize("case", STRANGE)
 def test_strange_catalogues_are_refused_found_and_rebuilt(work, right, case):
+    if shared_at(work) is not None and case in NOT_THERE:
+        pytest.skip(NOT_THERE[case])
     sql(work, *STRANGE[case])
     with pytest.raises(CorruptError, match="verify --repair"):
         answers(work)

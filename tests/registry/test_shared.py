@@ -289,6 +289,24 @@ def test_a_registry_of_which_the_bucket_alone_is_left_is_joined_again(faces, rob
     assert verify(tmp_path / "new").faults == ()
 
 
+def test_a_bucket_without_its_ledger_gives_back_all_but_names(faces, robot, stores, place, tmp_path):
+    registry = faces()
+    fill(registry, robot)
+    registry.put_recording(make_recording(1), ROBOT, "first run")
+    content = registry.content_hash()
+    registry.close()
+    with files_of(registry.path) as root:
+        shutil.rmtree(root / "ledger")
+    stores.sql("postgres", f"DROP DATABASE {place} WITH (FORCE)", f"CREATE DATABASE {place}")
+    with pytest.raises(CorruptError, match="its bucket is not"):
+        Registry.open(registry.path)
+    lost = rebuild(tmp_path / "new", stores.catalog(place), stores.blobs(place)).lost
+    assert "recording name" in {fault.kind for fault in lost}
+    with Registry.open(tmp_path / "new") as again:
+        assert again.content_hash() == content
+    assert verify(tmp_path / "new").faults == ()
+
+
 def test_a_database_of_yesterday_is_found_and_gets_what_came_since(faces, robot, stores, place):
     registry = faces()
     fill(registry, robot)
