@@ -127,6 +127,10 @@ class NotStored(UserWarning):
     """A result that is shown and not kept, as the registry may only be read."""
 
 
+class Awaited(UserWarning):
+    """A server that was there before and is waited for."""
+
+
 class Renewed(UserWarning):
     """Files of an older registry that are written anew in the present form."""
 

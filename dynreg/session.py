@@ -77,17 +77,21 @@ def open(path: str | Path | None = None, *, create: bool = True) -> "Session":
     return Session(Registry.open(where, create=create))
 
 
-def share(path: str | Path | None = None, *, catalog: str, blobs: str) -> "Session":
+def share(path: str | Path | None = None, *, catalog: str, blobs: str, rebuild: bool = False) -> "Session":
     """Open the shared registry at these addresses, with its local folder at `path` (by default that of `open`).
 
     catalog : URL of a PostgreSQL database, without a password. blobs : address of a bucket and a prefix in it, without
-    a key. What is missing of folder and registry is made. Later, `open(path)` opens it.
+    a key. What is missing of folder and registry is made. Later, `open(path)` opens it. rebuild : write the bucket's
+    catalogue, which is lost, anew into this database, which is empty; a warning says what did not come back.
 
     Raises UsageError for odd addresses, RegistryError where they cannot be reached or `path` is something else.
     """
     from dynreg.registry import Registry
+    from dynreg.verbs.verify import rebuilt
 
     where = Path(path or os.environ.get("DYNREG_REGISTRY") or DEFAULT)
+    if rebuild:
+        rebuilt(where, catalog, blobs)
     return Session(Registry.share(where, catalog, blobs))
 
 

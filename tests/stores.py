@@ -21,10 +21,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 KEYS = {"AWS_ACCESS_KEY_ID": "test", "AWS_SECRET_ACCESS_KEY": "test", "AWS_EC2_METADATA_DISABLED": "true"}
-# What a crash of the machine may take matters to no test.
+# What a crash of the machine may take matters to no test; what one of the server may take does.
 _HASTY = (
     "fsync=off",
-    "synchronous_commit=off",
     "full_page_writes=off",
     "max_connections=60",
     "listen_addresses=127.0.0.1",
@@ -39,6 +38,7 @@ class Stores:
 
     port: int
     endpoint: str
+    postgres: "Postgres"
     number: int = 0
     lock: threading.Lock = field(default_factory=threading.Lock)
 
@@ -107,8 +107,8 @@ def running() -> Iterator[Stores]:
     ) as place:  # not among pytest's folders, which are one user's alone
         folder = Path(place)
         folder.chmod(0o711)
-        with _postgres(programs, folder / "postgres") as port, _moto(folder) as endpoint:
-            yield Stores(port, endpoint)
+        with _postgres(programs, folder / "postgres") as postgres, _moto(folder) as endpoint:
+            yield Stores(postgres.port, endpoint, postgres)
 
 
 def _ends_with_us() -> None:
@@ -117,39 +117,55 @@ def _ends_with_us() -> None:
         ctypes.CDLL(None).prctl(1, signal.SIGINT)
 
 
-@contextmanager
-def _postgres(programs: Path, folder: Path) -> Iterator[int]:
-    folder.mkdir(parents=True)
-    user = _ordinary_user()
-    if user is not None:
-        os.chown(folder, user.pw_uid, user.pw_gid)
-    port, data = _free_port(), folder / "data"
-    run = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True, "cwd": folder}
-    run |= {} if user is None else {"user": user.pw_uid, "group": user.pw_gid, "extra_groups": []}
-    made = subprocess.run(
-        [programs / "initdb", "-D", data, "-U", "postgres", "-A", "trust", "-E", "UTF8", "--no-sync"], **run
-    )
-    if made.returncode:
-        raise RuntimeError(f"initdb: {made.stdout}")
-    (data / "pg_hba.conf").write_text(_WHO)
-    with (folder / "log").open("w") as log:
+class Postgres:
+    """A server on a port of this machine, which can be stopped and started; what it holds stays meanwhile."""
+
+    def __init__(self, programs: Path, folder: Path):
+        folder.mkdir(parents=True)
+        user = _ordinary_user()
+        if user is not None:
+            os.chown(folder, user.pw_uid, user.pw_gid)
+        self.port, self._programs, self._folder = _free_port(), programs, folder
+        self._run = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True, "cwd": folder}
+        if user is not None:
+            self._run |= {"user": user.pw_uid, "group": user.pw_gid, "extra_groups": []}
+        how = ["-U", "postgres", "-A", "trust", "-E", "UTF8", "--no-sync"]
+        made = subprocess.run([programs / "initdb", "-D", folder / "data", *how], **self._run)
+        if made.returncode:
+            raise RuntimeError(f"initdb: {made.stdout}")
+        (folder / "data" / "pg_hba.conf").write_text(_WHO)
+        self.start()
+
+    def start(self) -> None:
+        """Start it, and wait until it answers."""
         options = [word for setting in _HASTY for word in ("-c", setting)]
-        server = subprocess.Popen(
-            [programs / "postgres", "-D", data, "-p", str(port), "-k", folder, *options],
-            preexec_fn=_ends_with_us,
-            **run | {"stdout": log, "stderr": log},
-        )
-    try:
-        _wait_for(port, server)
-        ready = [programs / "pg_isready", "-h", "127.0.0.1", "-p", str(port)]
-        while subprocess.run(ready, **run).returncode:
-            if server.poll() is not None:
-                raise RuntimeError(f"PostgreSQL ended with status {server.poll()}")
+        where = ["-D", self._folder / "data", "-p", str(self.port), "-k", self._folder]
+        with (self._folder / "log").open("a") as log:
+            self._server = subprocess.Popen(
+                [self._programs / "postgres", *where, *options],
+                preexec_fn=_ends_with_us,
+                **self._run | {"stdout": log, "stderr": log},
+            )
+        _wait_for(self.port, self._server)
+        ready = [self._programs / "pg_isready", "-h", "127.0.0.1", "-p", str(self.port)]
+        while subprocess.run(ready, **self._run).returncode:
+            if self._server.poll() is not None:
+                raise RuntimeError(f"PostgreSQL ended with status {self._server.poll()}")
             time.sleep(0.05)
-        yield port
+
+    def stop(self, how: signal.Signals = signal.SIGINT) -> None:
+        """End it and all its sessions: SIGINT as an orderly restart does, SIGQUIT at once."""
+        self._server.send_signal(how)
+        self._server.wait()
+
+
+@contextmanager
+def _postgres(programs: Path, folder: Path) -> Iterator[Postgres]:
+    postgres = Postgres(programs, folder)
+    try:
+        yield postgres
     finally:
-        server.send_signal(signal.SIGQUIT)  # at once: nothing of it is kept
-        server.wait()
+        postgres.stop(signal.SIGQUIT)  # nothing of it is kept
 
 
 @contextmanager

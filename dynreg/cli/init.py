@@ -25,6 +25,13 @@ def init(
             help="Bucket of the files: s3://BUCKET/PREFIX, without keys.",
         ),
     ],
+    rebuild: Annotated[
+        bool,
+        typer.Option(
+            "--rebuild",
+            help="The bucket's catalogue is lost: write it anew from the bucket, into an empty database.",
+        ),
+    ] = False,
 ) -> None:
     """Share a registry on PostgreSQL and in a bucket.
 
@@ -38,6 +45,6 @@ def init(
     """
     from dynreg import session
 
-    with session.share(call.registry, catalog=catalog, blobs=blobs) as opened:
+    with session.share(call.registry, catalog=catalog, blobs=blobs, rebuild=rebuild) as opened:
         result = opened.info()
     call.emit(result, hint="dynreg populate servo_pendulum -n 1000")

@@ -43,7 +43,7 @@ from dynreg.cli.call import (
 )
 from dynreg.cli.help import WIDTH, GroupHelp
 from dynreg.cli.output import say
-from dynreg.errors import Assumed, Damaged, DynregError, NotStored, OldWord, Renewed
+from dynreg.errors import Assumed, Awaited, Damaged, DynregError, NotStored, OldWord, Renewed
 from dynreg.foreign import visible
 
 INTERRUPTED = 130  # 128 + the signal's number, as shells have it
@@ -190,7 +190,7 @@ def _only_own_warnings() -> None:
     import warnings
 
     warnings.simplefilter("ignore")
-    for kind in (OldWord, NotStored, Damaged, Assumed, Renewed):
+    for kind in (OldWord, NotStored, Damaged, Assumed, Awaited, Renewed):
         warnings.simplefilter("default", kind)
     warnings.showwarning = lambda message, *_: say(f"note: {message}")
 

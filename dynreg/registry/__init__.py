@@ -16,7 +16,8 @@ from dynreg.registry.records import (
 )
 from dynreg.registry.registry import Registry
 from dynreg.registry.removing import Removal, removal, remove
-from dynreg.registry.verifying import verify
+from dynreg.registry.server import persistent
+from dynreg.registry.verifying import rebuild, verify
 
 __all__ = [
     "EntryRecord",
@@ -37,6 +38,8 @@ __all__ = [
     "collect",
     "export",
     "open_source",
+    "persistent",
+    "rebuild",
     "removal",
     "remove",
     "take_in",

@@ -115,13 +115,22 @@ def _ledger_lost(where: str) -> RegistryError:
 def _pages_of_nobody(directory: Directory, connection: Connection) -> Iterator[Unneeded]:
     """Pages of a shared ledger that the catalogue does not name: of puts that were cut short.
 
-    Raises RegistryError where one that it names is gone.
+    Raises RegistryError where one that it names is gone, or the catalogue was put back from a backup.
     """
-    rows = connection.execute(select(tables.pages.c.number, tables.pages.c.sha256))
+    rows = connection.execute(select(tables.pages.c.number, tables.pages.c.sha256)).all()
     named = {page_name(row.number, row.sha256) for row in rows}
     there = directory.bucket.names(LEDGER)
     if named - there.keys():
         raise _ledger_lost(str(directory.bucket.uri.partition("?")[0]))
+    last = max((row.number for row in rows), default=0)
+    if page_name(last + 2, "") < max(
+        there, default=""
+    ):  # a put that was cut short leaves the next page alone
+        raise RegistryError(
+            f"the catalogue of {str(directory.path)!r} is older than the ledger in its bucket",
+            expected="a catalogue that follows its ledger: what came since would be removed",
+            do="run `dynreg verify --repair` first, which brings it back",
+        )
     for name in sorted(there.keys() - named):
         yield Unneeded(name, _NAMED_BY_NOTHING, there[name])
 

@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 import tempfile
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
@@ -121,13 +122,20 @@ def lost_marker(path: Path) -> bool:
 
 def _check_served(directory: Directory) -> None:
     """CorruptError where the catalogue is empty and the bucket holds what was put."""
+    if directory.catalog.last_page():
+        return
     # a single page may be that of a first put that was cut short
-    if not directory.catalog.last_page() and len(directory.bucket.names(LEDGER)) > 1:
+    if len(directory.bucket.names(LEDGER)) > 1 or tells_of_puts(directory.bucket.names("populations")):
         raise CorruptError(
             f"the catalogue of {str(directory.path)!r} is empty, and its bucket is not",
             expected="the catalogue that follows the ledger in the bucket",
             do="restore the database from a backup, or run `dynreg verify --repair` to write it from the ledger",
         )
+
+
+def tells_of_puts(names: Iterable[str]) -> bool:
+    """Whether there are files of which none comes before the robot that they are about is entered."""
+    return any(name.split("/")[0] in ("populations", "shards", "recordings", "measured") for name in names)
 
 
 def check_marker(path: Path) -> None:

@@ -62,6 +62,7 @@ def population_file(record: PopulationRecord) -> tuple[StoredFile, bytes]:
     return content_name("populations", record.id[:16], data, "safetensors"), data
 
 
+@persistent
 def get_population(directory: Directory, population_id: str) -> PopulationRecord:
     """The record of a population; NoMatchError when unknown, CorruptError when its file is damaged or it is too big."""
     with directory.catalog.read() as connection:
@@ -121,6 +122,7 @@ def _channels(told: Any) -> tuple[Channel, ...]:
     return tuple(Channel(name, unit) for name, unit in map(_texts, told))
 
 
+@persistent
 def missing_spans(directory: Directory, population_id: str) -> tuple[Span, ...]:
     """The missing entries: spans of entry numbers, cut at multiples of the shard size.
 

@@ -38,6 +38,7 @@ from dynreg.registry.records import (
     ShardData,
 )
 from dynreg.registry.renewing import renew
+from dynreg.registry.server import persistent
 from dynreg.registry.sharing import Shared, share, shared_at
 
 
@@ -113,6 +114,7 @@ class Registry:
                 do="copy it to a place of your own, or mend its permissions",
             )
 
+    @persistent
     def resolve(self, ref: str, kinds: Collection[str] = references.KINDS) -> tuple[str, str]:
         """(kind, id) of a hash, a unique prefix of one, a name or `@last`; else NoMatchError."""
         with self.directory.catalog.read() as connection:
@@ -164,6 +166,7 @@ class Registry:
                 warnings.warn(f"population {identity[:12]} is passed over: {error.problem}", Damaged, 2)
         return tuple(found)
 
+    @persistent
     def count(self, ref: str) -> int:
         """Entries that a population holds now."""
         table = tables.entries

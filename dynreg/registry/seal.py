@@ -68,6 +68,13 @@ def lost_tables(connection: Connection) -> list[str]:
     return [name for name in tables.metadata.tables if kinds.get(name) != "BASE TABLE"]
 
 
+def drop_views(connection: Connection, names: Iterable[str]) -> None:
+    """Remove views of a catalogue on a server that have the names of tables which it lacks."""
+    views = set(inspect(connection).get_view_names())
+    for name in views.intersection(names):
+        connection.execute(text(f'DROP VIEW "{name}" CASCADE'))
+
+
 def broken_seals(connection: Connection) -> list[str]:
     """What shows that rows are not as dynreg left them, a line for each table; empty where they are."""
     seals, broken = read_seals(connection), []

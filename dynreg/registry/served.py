@@ -6,18 +6,19 @@ short before anybody was told of it.
 """
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from typing import Any
 
-from sqlalchemy import Connection, func, select
+from sqlalchemy import ColumnElement, Connection, func, select
 from sqlalchemy.exc import DBAPIError
 
 import dynreg.registry.migrations as migrations
 import dynreg.registry.tables as tables
-from dynreg.errors import CorruptError
+from dynreg.errors import CorruptError, Interrupted
 from dynreg.registry.bucket import Bucket
 from dynreg.registry.ledger import Page, encode_page
 from dynreg.registry.seal import lost_tables
-from dynreg.registry.server import address, engine_for, explained, shown
+from dynreg.registry.server import address, engine_for, explained, persistent, shown
 from dynreg.registry.tables import Values
 from dynreg.registry.writing import Writing
 
@@ -37,6 +38,7 @@ class ServedCatalog:
         self.url = address(url)
         self.bucket = bucket
         self._engine = engine_for(self.url)
+        self._answered = False  # whether the server was there before
         if not migrate:
             return
         try:
@@ -104,11 +106,14 @@ class ServedCatalog:
 
     @contextmanager
     def transaction(self, begin: str) -> Iterator[Connection]:
-        """A transaction without any check; errors of PostgreSQL become those of dynreg by their codes."""
+        """A transaction without any check; errors of PostgreSQL become those of dynreg by their codes.
+
+        A server that was there before is waited for (`server.persistent`).
+        """
+        connection = self._connected(dynreg_begin=begin)
         try:
-            with self._engine.connect().execution_options(dynreg_begin=begin) as connection:
-                with connection.begin():
-                    yield connection
+            with connection, connection.get_transaction():
+                yield connection
         except DBAPIError as error:
             raise explained(self.url, error) from error
 
@@ -116,19 +121,42 @@ class ServedCatalog:
     def claim(self, name: str) -> Iterator[bool]:
         """Hold the lock of a name for the block; False where another process holds it.
 
-        It is the session's, so the server lets go of it when the process or its machine is gone.
+        It is the session's, so the server lets go of it when the process or its machine is gone. Where the session
+        ends during the block, as when the server starts anew, another process may take it: two writers do no harm.
         """
         key = func.hashtextextended(func.concat("dynreg claim ", func.current_schema(), " ", name), 0)
+        with self._connected(isolation_level="AUTOCOMMIT") as connection:
+            mine = self._told(connection, func.pg_try_advisory_lock(key))
+            try:
+                yield mine
+            finally:
+                if mine:
+                    with suppress(Interrupted):
+                        self._told(connection, func.pg_advisory_unlock(key))
+
+    def _told(self, connection: Connection, what: ColumnElement) -> Any:
         try:
-            with self._engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
-                mine = connection.execute(select(func.pg_try_advisory_lock(key))).scalar_one()
-                try:
-                    yield mine
-                finally:
-                    if mine:
-                        connection.execute(select(func.pg_advisory_unlock(key)))
+            return connection.execute(select(what)).scalar_one()
         except DBAPIError as error:
             raise explained(self.url, error) from error
+
+    def _connected(self, **options: str) -> Connection:
+        """A connection in a transaction; NoPlaceError where the server stays away."""
+
+        def connect() -> Connection:
+            connection = None
+            try:
+                connection = self._engine.connect().execution_options(**options)
+                connection.begin()
+                return connection
+            except DBAPIError as error:
+                if connection is not None:
+                    connection.close()
+                raise explained(self.url, error) from error
+
+        connection = (persistent(connect) if self._answered else connect)()
+        self._answered = True
+        return connection
 
     def _keep(self, page: Page) -> str:
         file, data = encode_page(page)

@@ -1,6 +1,7 @@
 """PostgreSQL as the catalogue uses it: how a connection is made, how writers take turns, what its errors mean."""
 
 import time
+import warnings
 from collections.abc import Callable
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
@@ -8,11 +9,13 @@ from typing import Any, ParamSpec, TypeVar
 from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
 from sqlalchemy.exc import ArgumentError
 
-from dynreg.errors import CorruptError, Interrupted, NoPlaceError, RegistryError, UsageError
+from dynreg.errors import Awaited, CorruptError, Interrupted, NoPlaceError, RegistryError, UsageError
 
 LOCK_SECONDS = 60  # how long a writer waits for the others
 IDLE_SECONDS = 600  # after which the server ends a transaction whose process says nothing any more
-PAUSES = (0.2, 1.0, 5.0)  # seconds before a put that was broken off is made again
+# Seconds before what a server broke off is tried again, a minute in all: a server that starts anew takes some 10 s.
+PAUSES = (0.2, 0.5, 1.0, 2.0, 4.0, 8.0, 15.0, 15.0, 15.0)
+_SAID = 2  # how often it is tried without a word
 _WAIT = 10  # seconds for a connection
 # A process whose machine is gone lets go of its locks after about a minute.
 _ALIVE = {"keepalives": 1, "keepalives_idle": 20, "keepalives_interval": 10, "keepalives_count": 4}
@@ -95,17 +98,30 @@ def let_idle(connection: Connection) -> None:
     connection.exec_driver_sql("SET LOCAL idle_in_transaction_session_timeout = 0")
 
 
-def persistent(put: Callable[P, R]) -> Callable[P, R]:
-    """A put that is made again where the server broke it off: it is idempotent by its content."""
+def persistent(work: Callable[P, R]) -> Callable[P, R]:
+    """A put or a look that is made again where the server broke it off: a put is idempotent by its content.
 
-    @wraps(put)
+    It waits a minute in all, with growing pauses, and says so. Raises NoPlaceError where the server is away longer.
+    """
+
+    @wraps(work)
     def run(*args: P.args, **told: P.kwargs) -> R:
-        for pause in PAUSES:
+        for number, pause in enumerate(PAUSES):
             try:
-                return put(*args, **told)
-            except Interrupted:
+                return work(*args, **told)
+            except Interrupted as error:
+                if number == _SAID:
+                    text = f"{error.problem}: it is tried again for {sum(PAUSES):.0f} s"
+                    warnings.warn(text, Awaited, 2)
                 time.sleep(pause)
-        return put(*args, **told)
+        try:
+            return work(*args, **told)
+        except Interrupted as error:  # no Interrupted any more: whoever called need not wait once more
+            raise NoPlaceError(
+                f"{error.problem}; it was tried again for {sum(PAUSES):.0f} s",
+                expected=error.expected,
+                do=f"{error.do}: what was stored stays",
+            ) from error
 
     return run
 

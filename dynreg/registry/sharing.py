@@ -15,8 +15,10 @@ from dynreg.registry.bucket import Bucket
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import CACHE, FOLDERS, LEDGER, LOCKS, is_temporary, read_regular, write_file
 from dynreg.registry.ledger import page_name
+from dynreg.registry.seal import lost_tables
 from dynreg.registry.served import ServedCatalog
 from dynreg.registry.server import address
+from dynreg.registry.tables import metadata
 from dynreg.registry.writing import Writing
 
 MARKER = "dynreg.json"
@@ -65,8 +67,10 @@ def shared_at(path: Path) -> Shared | None:
     return Shared(*told)
 
 
-def share(path: Path, told: Shared) -> None:
+def share(path: Path, told: Shared, lost: bool = False) -> None:
     """Make `path` the local face of the registry at these addresses; the registry itself where they hold none yet.
+
+    lost : whether its catalogue is lost, so that an empty database is to take its place.
 
     Raises UsageError for odd addresses, RegistryError where they cannot be reached, `path` is something else already,
     or catalogue and bucket are not of the same registry.
@@ -81,9 +85,9 @@ def share(path: Path, told: Shared) -> None:
     address(told.catalog)
     bucket = Bucket(told.blobs)
     bucket.check()
-    catalog = ServedCatalog(told.catalog, bucket)
+    catalog = ServedCatalog(told.catalog, bucket, migrate=not lost)
     try:
-        _check_pair(catalog, bucket)
+        _check_pair(catalog, bucket, lost)
     finally:
         catalog.close()
     disk.make_folder(path.absolute())
@@ -91,16 +95,28 @@ def share(path: Path, told: Shared) -> None:
     write_file(path / MARKER, json.dumps(marker).encode() + b"\n")
 
 
-def _check_pair(catalog: ServedCatalog, bucket: Bucket) -> None:
-    """RegistryError where the bucket lacks the last page that the catalogue names, or holds some and it names none."""
+def _check_pair(catalog: ServedCatalog, bucket: Bucket, lost: bool) -> None:
+    """RegistryError where the bucket lacks the last page that the catalogue names, or holds some and it names none.
+
+    Of a `lost` catalogue the bucket must hold something, and the database that takes its place nothing.
+    """
     with catalog.read() as connection:
-        number, sha256 = Writing(connection).last_page()
+        nothing = lost and len(lost_tables(connection)) == len(metadata.tables)
+        number, sha256 = (0, "") if nothing else Writing(connection).last_page()
     pages, where = bucket.names(LEDGER), bucket.uri.partition("?")[0]
-    if not number and pages:
+    if lost and (number or not (pages or bucket.names(""))):
+        raise RegistryError(
+            f"the database holds the catalogue of {'another' if pages else 'a'} registry"
+            if number
+            else f"the bucket {where!r} holds nothing from which a catalogue could be written",
+            expected="an empty database, and the bucket whose catalogue is lost",
+            do="give another --catalog: an empty database" if number else "name the --blobs of that registry",
+        )
+    if not number and pages and not lost:
         raise RegistryError(
             f"the bucket {where!r} holds a registry whose catalogue is another one",
             expected="the catalogue that belongs to it, or an empty prefix",
-            do="name another --blobs; where that catalogue is lost, see `dynreg verify --repair`",
+            do="name another --catalog or --blobs; where that catalogue is lost, add --rebuild, which writes it anew",
         )
     if number and page_name(number, sha256) not in pages:
         raise RegistryError(

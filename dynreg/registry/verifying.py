@@ -13,7 +13,7 @@ from dynreg.registry.comparing import Fault, VerifyReport, again
 from dynreg.registry.directory import Directory
 from dynreg.registry.examining import examine, read_served, stored_in
 from dynreg.registry.files import LOCKS, LOST_AND_FOUND, sweep, temporary_folder, try_lock
-from dynreg.registry.ledger import pages_after
+from dynreg.registry.ledger import last_number, pages_after
 from dynreg.registry.mirroring import bring_all, send_back
 from dynreg.registry.opening import (
     MARKER,
@@ -22,12 +22,14 @@ from dynreg.registry.opening import (
     lost_marker,
     make_folders,
     may_write,
+    tells_of_puts,
     write_marker,
 )
 from dynreg.registry.repairing import check_room, foreseen, mended, put_away, repaired
 from dynreg.registry.scan import damaged_here
-from dynreg.registry.seal import lost_tables
-from dynreg.registry.sharing import Shared, open_shared, shared_at
+from dynreg.registry.seal import drop_views, lost_tables
+from dynreg.registry.served import ServedCatalog
+from dynreg.registry.sharing import Shared, open_shared, share, shared_at
 
 _EMPTY = (Fault("catalog", "on the server", "it lacks what the bucket holds", lost=False),)
 
@@ -47,6 +49,7 @@ def verify(path: Path, repair: bool = False, dry_run: bool = False) -> VerifyRep
     """
     path = Path(path)
     if (told := shared_at(path)) is not None:
+        check_links(path)
         return _of_shared(path, told, repair and not dry_run, dry_run)
     unmarked = lost_marker(path)
     if not unmarked:
@@ -79,6 +82,16 @@ def verify(path: Path, repair: bool = False, dry_run: bool = False) -> VerifyRep
         return _with_words(replace(report, faults=(*marker, *report.faults)))
 
 
+def rebuild(path: Path, catalog: str, blobs: str) -> VerifyReport:
+    """Make `path` the face of a registry whose catalogue is lost, which is written anew from the bucket; what was lost.
+
+    Its database has to be an empty one. The bucket's ledger tells all that was put, names and order too. Raises
+    RegistryError as `sharing.share`.
+    """
+    share(path, Shared(catalog, blobs), lost=True)
+    return verify(path, repair=True)
+
+
 def _of_shared(path: Path, told: Shared, repair: bool, dry_run: bool) -> VerifyReport:
     """`verify` of a shared registry: its bucket is copied to a folder here; what a repair changes there goes back."""
     directory = open_shared(path, told, migrate=False)
@@ -88,12 +101,16 @@ def _of_shared(path: Path, told: Shared, repair: bool, dry_run: bool) -> VerifyR
         with directory.catalog.transaction("BEGIN IMMEDIATE" if repair or lacking else "BEGIN") as connection:
             directory.take_time(connection)  # the bucket is copied within it
             if lacking:  # they are made for the examination, and stay where it ends with a repair
+                drop_views(connection, lacking)
                 tables.metadata.create_all(connection)
                 if pending := migrations.pending(connection):
                     connection.execute(tables.migrations.insert(), [{"name": name} for name in pending])
             stored = read_served(place, directory.catalog, connection)
             brought = bring_all(directory.bucket, place, stored.pages)
+            if not stored.pages and not pages_after(place, 0) and tells_of_puts(brought):
+                stored = replace(stored, faults=("it is lost, and the ledger with it",))  # all rows are new
             lost = _EMPTY if lacking or (not stored.pages and pages_after(place, 0)) else ()
+            lost = lost or _older(directory.catalog, place)
             if repair:
                 report = mended(place, stored)[-1]
                 send_back(directory.bucket, place, brought)
@@ -112,6 +129,16 @@ def _of_shared(path: Path, told: Shared, repair: bool, dry_run: bool) -> VerifyR
             put_away(path, list(damaged))
             sweep(path)
         return _with_words(report, "would be " * dry_run) if repair or dry_run else report
+
+
+def _older(catalog: ServedCatalog, place: Path) -> tuple[Fault, ...]:
+    """The fault of a catalogue that was put back from a backup: the bucket has later pages, more than the one of a put.
+
+    It is asked anew: others may have put since it was read.
+    """
+    later = last_number(place) - catalog.last_page()
+    problem = f"it lacks what the bucket's last {later} pages tell: it is older than they are"
+    return (Fault("catalog", "on the server", problem, lost=False),) if later > 1 else ()
 
 
 def _forget(directory: Directory, faults: Sequence[Fault]) -> None:

@@ -59,9 +59,15 @@ def _expected(result: PopulationSummary, expected: Expected) -> Group:
         f" there; {expected.missing} more take about {total / 60:.0f} min on"
         f" {count(expected.cores, 'core')} as busy as now"
     )
+    size = f"about {expected.disk_bytes / 1e9:.2g} GB"
+    where = (
+        f"disk: {size} of {expected.free_bytes / 1e9:.0f} GB that are free"
+        if expected.bucket is None
+        else f"{size} go to {expected.bucket}, with a copy on each machine that makes them"
+    )
     sizes = (
-        f"disk: about {expected.disk_bytes / 1e9:.2g} GB of {expected.free_bytes / 1e9:.0f} GB that are free; memory:"
-        f" about {expected.memory_bytes / 1e9:.1f} GB. Told from {expected.made} simulators that were not kept."
+        f"{where}; memory: about {expected.memory_bytes / 1e9:.1f} GB."
+        f" Told from {expected.made} simulators that were not kept."
     )
     rows = table(("step", "time [s]"), list(expected.seconds.items()))
     return Group(Text(text, style="bold"), rows, Text(sizes))

@@ -10,15 +10,16 @@ from dynreg.results.result import Result
 class Expected(Result):
     """What it would cost to populate what is missing, by `made` simulators that were timed and thrown away.
 
-    seconds : by step, on so many cores. disk_bytes : of what would be written; free_bytes : of the registry's disk.
-    memory_bytes : the most at once.
+    seconds : by step, on so many cores. disk_bytes : of what would be written; free_bytes : of the registry's disk,
+    None of a shared one. bucket : where the files of a shared one go. memory_bytes : the most at once.
     """
 
     made: int
     missing: int
     seconds: dict[str, float]
     disk_bytes: int
-    free_bytes: int
+    free_bytes: int | None
+    bucket: str | None = None
     memory_bytes: int
     cores: int
 

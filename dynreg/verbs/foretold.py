@@ -18,6 +18,7 @@ from dynreg.progress import Progress
 from dynreg.registry import Registry
 from dynreg.results.stored import Expected, PopulationSummary
 from dynreg.sim.robot import Robot
+from dynreg.verbs.linking import FITTED
 from dynreg.verbs.populations import Plan, begin, fill, link
 
 MADE = 8, 32  # simulators: those that warm up, and all, of which the others are timed
@@ -39,16 +40,19 @@ def foretell(
         held, planned = 0, plan.n
     with tempfile.TemporaryDirectory() as folder:
         told = _measured(Path(folder) / "registry", robot, plan, report)
-    missing = max(planned - held, 0)
-    each = told.each | ({} if linked else {"link": 0.0})
-    seconds = {step: missing * spent for step, spent in each.items()}
+    missing, blobs = max(planned - held, 0), registry.addresses.get("blobs")
+    bucket = blobs and blobs.partition("?")[0]
+    seconds = {step: missing * spent for step, spent in told.each.items()}
+    # the embedding is fitted to the first entries, and others are linked anew until these are there
+    seconds["link"] = told.linking.of(missing if held >= FITTED else planned) if linked and missing else 0.0
     seconds["base"] = told.base if missing and not held else 0.0
     expected = Expected(
         made=MADE[1],
         missing=missing,
         seconds=seconds,
         disk_bytes=round(missing * told.shards + planned * told.index * linked),
-        free_bytes=shutil.disk_usage(registry.path).free,
+        free_bytes=None if bucket else shutil.disk_usage(registry.path).free,
+        bucket=bucket,
         memory_bytes=round(told.memory(min(plan.shard_size, missing), planned * linked)),
         cores=plan.threads or available_threads(),
     )
@@ -67,11 +71,13 @@ def foretell(
 class _Told:
     """What a few simulators took.
 
-    each : seconds of a simulator by step. base : seconds of the base model. shards, index : bytes of a simulator.
+    each : seconds of a simulator by step. linking : what links them. base : seconds of the base model. shards, index :
+    bytes of a simulator.
     resident, growth : bytes of memory for all, and more for each simulator that is made at once.
     """
 
     each: Mapping[str, float]
+    linking: "_Linking"
     base: float
     shards: float
     index: float
@@ -84,6 +90,17 @@ class _Told:
         return max(made, self.resident + KEPT * self.index * entries)
 
 
+@dataclass(frozen=True)
+class _Linking:
+    """Seconds to link so many simulators: at any number, and of each."""
+
+    once: float
+    each: float
+
+    def of(self, entries: int) -> float:
+        return self.once + self.each * entries
+
+
 def _measured(place: Path, robot: Robot, plan: Plan, report: Progress) -> _Told:
     configurations, epochs = SMALL
     small = replace(plan.training, base_configurations=configurations, base_epochs=epochs)
@@ -92,20 +109,41 @@ def _measured(place: Path, robot: Robot, plan: Plan, report: Progress) -> _Told:
         trial = Plan(few, plan.seed, small, all_made, plan.threads)
         identity = begin(scratch, robot, trial, Stopwatch(), report)
         fill(scratch, identity, here, Stopwatch(), lambda there: None)
+        link(scratch, identity, threads=plan.threads)  # the first time takes longer
+        small_links, _ = _linked(scratch, identity, plan.threads)
         warm, watch = _peak(), Stopwatch()
         with watch.of("base"):
             make_shared(robot, plan.seed, small, plan.threads)
         begin(scratch, robot, replace(trial, n=all_made), watch, report)
         fill(scratch, identity, here, watch, lambda there: report("trial", there, all_made))
         resident = _peak()
-        with watch.of("link"):
-            linked, evaluations = link(scratch, identity, threads=plan.threads)
+        links, evaluations = _linked(scratch, identity, plan.threads)
         sizes = {name: _bytes(place / name) / all_made for name in FOLDERS}
     more = all_made - few
     each = {step: watch.seconds[step] / more for step in ("simulate", "train", "store")}
-    each["link"] = watch.seconds["link"] / evaluations * CANDIDATES
     base = _base(plan.training, watch.seconds["base"], each)
-    return _Told(each, base, *(sizes[name] for name in FOLDERS), resident, (resident - warm) / more)
+    apart = links["graph"] / evaluations * CANDIDATES
+    linking = _linking(small_links["index"], links["index"], apart)
+    growth = (resident - warm) / more
+    return _Told(each, linking, base, sizes["shards"], sizes["index"], resident, growth)
+
+
+def _linked(registry: Registry, identity: str, threads: int) -> tuple[Mapping[str, float], int]:
+    """Seconds to link a population anew, of its "index" and of its "graph"; and the distances evaluated for that."""
+    watch = Stopwatch()
+    with watch.of("all"):
+        _, evaluations = link(registry, identity, threads=threads, anew=True, watch=watch)
+    return {
+        "graph": watch.seconds["graph"],
+        "index": watch.seconds["all"] - watch.seconds["graph"],
+    }, evaluations
+
+
+def _linking(of_few: float, of_all: float, apart: float) -> _Linking:
+    """From seconds for the index of few and of all simulators, and seconds of one's distances to its candidates."""
+    few, every = MADE
+    each = min(max(of_all - of_few, 0.0) / (every - few), of_all / every)
+    return _Linking(of_all - every * each, each + apart)
 
 
 def _base(training: Training, spent: float, each: Mapping[str, float]) -> float:

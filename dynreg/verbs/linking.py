@@ -16,6 +16,7 @@ from dynreg.distance.population import Shared, judged_entries
 from dynreg.index import Graph
 from dynreg.models.mlp import MlpStack
 from dynreg.models.threads import single_threaded
+from dynreg.neighbours.entries import Stopwatch
 from dynreg.registry import MappedModels, Registry
 
 FITTED = 500  # entries to which the embedding is fitted: the first ones, so that it stays when others come
@@ -73,11 +74,18 @@ class Linked:
 
 
 def link(
-    registry: Registry, ref: str, shared: Shared, *, threads: int = 0, anew: bool = False
+    registry: Registry,
+    ref: str,
+    shared: Shared,
+    *,
+    threads: int = 0,
+    anew: bool = False,
+    watch: Stopwatch | None = None,
 ) -> tuple[int, int]:
     """Link the entries that are not in the index yet, or all of them `anew`; keep it, where nobody has added others.
 
-    Returns the number of linked entries and of distances evaluated for them. The index is the same bytes whether the
+    Returns the number of linked entries and of distances evaluated for them; `watch` takes the time of these, "graph".
+    The index is the same bytes whether the
     population came at once or grew, on any number of threads.
     """
     numbers = registry.numbers(ref)
@@ -89,7 +97,8 @@ def link(
         embedded = embed(registry, ref, ids, shared, stack, None if held is None else held.embedded)
         judged = judge(registry, ref, ids, shared, stack, None if held is None else held.judged)
         distance = CrossLoss(stack, judged.inputs, judged.targets, judged.own, threads=1)
-        graph = link_entries(before, embedded.vectors, distance, threads)
+        with (watch or Stopwatch()).of("graph"):
+            graph = link_entries(before, embedded.vectors, distance, threads)
     registry.put_index(ref, "embedding", embedded.as_arrays(), ids)
     registry.put_index(ref, "judged", judged.as_arrays(), ids)
     registry.put_index(ref, "graph", graph.to_arrays(), ids)  # the last: where it is, the others are

@@ -26,7 +26,7 @@ from dynreg.neighbours.entries import (
     shared_from,
 )
 from dynreg.progress import Progress
-from dynreg.registry import PopulationRecord, Registry, ShardData
+from dynreg.registry import PopulationRecord, Registry, ShardData, persistent
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.verbs.accepted import accept
 from dynreg.verbs.subjects import Recorded, population_for
@@ -140,11 +140,12 @@ def fill_span(
 ) -> tuple[int, dict[str, float]]:
     """Make and store the entries of a missing span, unless another process does: how many, and the seconds by part.
 
-    registry : its path. Their bytes depend on the population and their numbers alone, and they are entered at once, so
-    that a job whose process was lost, or that is done twice, leaves what one that ends well leaves.
+    registry : its path. A server that is away is waited for. Their bytes depend on the population and their numbers
+    alone, and they are entered at once, so that a job whose process was lost, or that is done twice, leaves what one
+    that ends well leaves.
     """
     watch = Stopwatch()
-    with Registry.open(registry) as held, held.claim(population, span[0]) as mine:
+    with persistent(Registry.open)(registry) as held, held.claim(population, span[0]) as mine:
         if not mine:
             return 0, {}
         shared = shared_of(held, held.population(population))
@@ -161,11 +162,17 @@ def shard(made: Made) -> ShardData:
     return ShardData(made.values, made.states, weights, *losses, extra, made.periods)
 
 
-def link(registry: Registry, population: str, *, threads: int = 0, anew: bool = False) -> tuple[int, int]:
+def link(
+    registry: Registry,
+    population: str,
+    *,
+    threads: int = 0,
+    anew: bool = False,
+    watch: Stopwatch | None = None,
+) -> tuple[int, int]:
     """Link the entries that are not linked yet, or all of them `anew`; see `linking.link`."""
-    return linking.link(
-        registry, population, shared_of(registry, registry.population(population)), threads=threads, anew=anew
-    )
+    shared = shared_of(registry, registry.population(population))
+    return linking.link(registry, population, shared, threads=threads, anew=anew, watch=watch)
 
 
 def ready(asked: Recorded, ref: str | None, *, states: bool = False, judged: bool = False) -> Population:

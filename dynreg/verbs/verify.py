@@ -1,8 +1,10 @@
 """Is everything that was stored still there?"""
 
+import warnings
 from pathlib import Path
 
-from dynreg.registry import verify
+from dynreg.errors import Damaged
+from dynreg.registry import rebuild, verify
 from dynreg.results.stored import Verification
 
 
@@ -17,3 +19,11 @@ def verification(path: Path, repair: bool, dry_run: bool = False) -> Verificatio
         repaired=() if dry_run else tuple(str(f) for f in report.faults if f.mended),
         lost=tuple(str(f) for f in report.lost),
     )
+
+
+def rebuilt(path: Path, catalog: str, blobs: str) -> None:
+    """Write the lost catalogue of a shared registry anew, and say what did not come back (`Damaged`)."""
+    lost = rebuild(path, catalog, blobs).lost
+    if lost:
+        more = f", and {len(lost) - 1} more" if len(lost) > 1 else ""
+        warnings.warn(f"it did not come back: {lost[0]}{more}", Damaged, 2)

@@ -20,6 +20,8 @@ def test_from_init_to_an_answer_that_another_folder_shows(
     shutil.copytree(registry_folder, "old")
     made = dynreg("init", *where, "--registry", "here", "--json")
     assert made.status == 0 and json.loads(made.out)["catalog"] == stores.catalog(name), made.err
+    told = dynreg("populate", "servo_pendulum", "-n", "300", "--dry-run", "--registry", "here")
+    assert f"GB go to s3://{name}/robots, with a copy" in " ".join(told.out.split()), told.err
     for line in (
         ("import", "old"),
         ("ingest", "run.csv", "--robot", "servo_pendulum", "--name", "monday"),
@@ -33,6 +35,11 @@ def test_from_init_to_an_answer_that_another_folder_shows(
     shown = json.loads(dynreg("show", result["id"], "--registry", "there", "--json").out)
     assert shown["detail"]["answer"] == answer["answer"]
     assert json.loads(dynreg("verify", "--registry", "there", "--json").out)["clean"]
+    stores.sql("postgres", f"DROP DATABASE {name} WITH (FORCE)", f"CREATE DATABASE {name}")
+    refused = dynreg("init", *where, "--registry", "anew")
+    assert refused.status == 1 and "add --rebuild" in refused.err
+    assert dynreg("init", *where, "--registry", "anew", "--rebuild", "--json").status == 0
+    assert json.loads(dynreg("show", result["id"], "--registry", "anew", "--json").out) == shown
     stores.drop(name)
 
 

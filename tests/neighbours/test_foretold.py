@@ -34,3 +34,14 @@ def test_a_new_population_needs_a_base_model_too(tmp_path):
         }.items():
             with pytest.raises(UsageError, match=f"--relink with {name}"):
                 opened.populate("servo_pendulum", 50, relink=True, **other)
+
+
+def test_of_a_shared_registry_it_is_told_where_the_bytes_go(stores, tmp_path, monkeypatch):
+    name = stores.new()
+    monkeypatch.setattr("shutil.disk_usage", None)  # the disk here has no say
+    where = {"catalog": stores.catalog(name), "blobs": stores.blobs(name)}
+    with session.share(tmp_path / "face", **where) as opened:
+        told = opened.populate("servo_pendulum", 50, training=TRAINING, dry_run=True)
+        assert told.expected.free_bytes is None and told.expected.bucket == f"s3://{name}/robots"
+        assert opened.registry.populations() == ()
+    stores.drop(name)

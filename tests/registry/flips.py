@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from hands import bucket_of, forget_here
 from registry_contents import ROBOT, fill, make_measured, make_recording, make_robot
 
 from dynreg.errors import DynregError
@@ -31,19 +32,7 @@ def make(folder: Path) -> Path:
     """A registry with something of each kind; its last put is still in the write-ahead log, as a kill leaves it."""
     path = folder / "registry"
     with Registry.open(path, create=True) as registry:
-        fill(registry, make_robot(folder / "robot"))
-        recording = registry.put_recording(make_recording(1), ROBOT, "first run")
-        registry.put_robot(_other_robot(folder / "other"), OTHER, "leg")
-        registry.put_recording(make_recording(2), OTHER, "second run")
-        registry.put_recording(make_recording(2), ROBOT)  # the name keeps the other robot
-        registry.put_recording(make_recording(1), ROBOT, "again")
-        registry.put_measured(make_measured(recording))
-        registry.put_result("neighbours", recording, {"k": 5})
-        registry.put_simulator({"robot": ROBOT, "values": {"mass": 1.5}})
-        registry.put_index("bench", "landmarks", {"losses": registry.load("bench").values})
-        registry.cache("kind", KEY, {"b": 2})
-        journal = Journal(registry.journal_path("search"), KEY, resume=False)
-        journal.add(STEP, STEP[:, :1])
+        recording = put_all(registry, folder)
         held = sqlite3.connect(
             path / "catalog.sqlite"
         )  # an open connection keeps the log from being folded in
@@ -53,6 +42,32 @@ def make(folder: Path) -> Path:
         shutil.copytree(path, left)
         held.close()
     return left
+
+
+def make_shared(path: Path, catalog: str, blobs: str) -> Path:
+    """The same on servers; its local folder."""
+    with Registry.share(path, catalog, blobs) as registry:
+        recording = put_all(registry, path.parent)
+        registry.put_result("diagnosis", recording, {"verdict": "none"})
+    return path
+
+
+def put_all(registry: Registry, folder: Path) -> str:
+    """Put something of each kind, with robots made in `folder`; the id of the recording that came first."""
+    fill(registry, make_robot(folder / "robot"))
+    recording = registry.put_recording(make_recording(1), ROBOT, "first run")
+    registry.put_robot(_other_robot(folder / "other"), OTHER, "leg")
+    registry.put_recording(make_recording(2), OTHER, "second run")
+    registry.put_recording(make_recording(2), ROBOT)  # the name keeps the other robot
+    registry.put_recording(make_recording(1), ROBOT, "again")
+    registry.put_measured(make_measured(recording))
+    registry.put_result("neighbours", recording, {"k": 5})
+    registry.put_simulator({"robot": ROBOT, "values": {"mass": 1.5}})
+    registry.put_index("bench", "landmarks", {"losses": registry.load("bench").values})
+    registry.cache("kind", KEY, {"b": 2})
+    journal = Journal(registry.journal_path("search"), KEY, resume=False)
+    journal.add(STEP, STEP[:, :1])
+    return recording
 
 
 def _other_robot(folder: Path) -> Path:
@@ -149,6 +164,25 @@ def flipped(sound: Path, count: int, seed: int) -> Iterator[tuple[str, Path]]:
         shutil.copytree(sound, work)
         (work / file.relative_to(sound)).write_bytes(data)
         yield f"{file.relative_to(sound).parts[0]} bit {bit} of {file.name}", work
+
+
+def flipped_objects(work: Path, count: int, seed: int) -> Iterator[tuple[str, Path]]:
+    """A shared registry with one bit of an object in its bucket flipped; the object has its bytes again afterwards."""
+    rng, bucket = stream(seed, "flips"), bucket_of(work)
+    names = sorted(name for name, size in bucket.names("").items() if size)
+    kinds = sorted({name.split("/")[0] for name in names})
+    for _ in range(count):
+        kind = kinds[int(rng.integers(len(kinds)))]
+        some = [name for name in names if name.split("/")[0] == kind]
+        name = some[int(rng.integers(len(some)))]
+        right = bucket.read(name)
+        bit = int(rng.integers(8 * len(right)))
+        bad = bytearray(right)
+        bad[bit // 8] ^= 1 << bit % 8
+        bucket.write(name, bytes(bad))
+        forget_here(work)
+        yield f"{kind} bit {bit} of {name}", work
+        bucket.write(name, right)
 
 
 def judged(right: dict[str, Any], path: Path) -> str:

@@ -86,7 +86,7 @@ def test_refusals_leave_nothing_behind(registry, out, tmp_path):
         export(registry, [], out)
     with pytest.raises(UsageError, match="exists already; expected a name that is not taken; name another"):
         export(registry, ["bench"], tmp_path)
-    with files_of(registry) as root:
+    with files_of(registry.path) as root:
         next((root / "shards").glob("*.parquet")).unlink()
     with pytest.raises(CorruptError):
         export(registry, ["bench"], out)

@@ -68,7 +68,7 @@ def test_what_differs_or_is_damaged_is_left_out_and_all_else_is_taken(registry, 
     here.put_robot(make_robot(tmp_path / "other"), ROBOT, "arm")
     here.put_population(make_population(seed=8))
     here.put_recording(make_recording(2), ROBOT, "first run")
-    with files_of(registry) as root:
+    with files_of(registry.path) as root:
         next((root / "simulators").glob("*.json")).write_text("{}")
     brought = take_in(here, registry)
     told = "; ".join(brought.left_out)
@@ -187,7 +187,7 @@ def odd_name(registry):
 
 
 def lost_recording(registry):
-    with files_of(registry) as root:
+    with files_of(registry.path) as root:
         next((root / "recordings").iterdir()).unlink()
 
 
@@ -236,7 +236,7 @@ def test_what_differs_or_has_a_taken_name_is_not_damaged(registry, here, tmp_pat
 
 
 def test_sound_shards_of_a_damaged_population_are_taken(registry, here):
-    with files_of(registry) as root:
+    with files_of(registry.path) as root:
         min((root / "shards").glob("*.parquet")).unlink()
     brought = take_in(here, registry)
     (told,) = (line for line in brought.left_out if line.startswith("population"))

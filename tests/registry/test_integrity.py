@@ -5,41 +5,52 @@ import json
 import os
 import shutil
 import sqlite3
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-from flips import answers, flipped, found, judged, make, wrong
-from registry_contents import ROBOT, make_population, make_recording
+from flips import answers, flipped, flipped_objects, found, judged, wrong
+from hands import bucket_of, files_of, lose_catalogue, row_number, sql, stored
+from registry_contents import ROBOT, make_population, make_recording, make_robot, make_shard
+from sound import Sound, sound_in
 
 from dynreg.data.recording import Recording
 from dynreg.errors import CorruptError, Damaged, DynregError, NoPlaceError, RegistryError
 from dynreg.registry import Registry, repairing, tables, verify
 from dynreg.registry.files import try_lock
+from dynreg.registry.sharing import shared_at
 
 
 @pytest.fixture(scope="module")
-def sound(tmp_path_factory) -> Path:
-    return make(tmp_path_factory.mktemp("sound"))
+def sound(tmp_path_factory, request) -> Sound:
+    shared = request.config.getoption("--store") == "shared"
+    return sound_in(tmp_path_factory.mktemp("sound"), request.getfixturevalue("stores") if shared else None)
 
 
 @pytest.fixture(scope="module")
 def right(sound, tmp_path_factory) -> dict:
-    copy = tmp_path_factory.mktemp("right") / "registry"
-    shutil.copytree(sound, copy)
-    return answers(copy)
+    with sound.copied(tmp_path_factory.mktemp("right") / "registry") as copy:
+        return answers(copy)
 
 
 @pytest.fixture
-def work(sound, tmp_path) -> Path:
-    shutil.copytree(sound, tmp_path / "work")
-    with Registry.open(tmp_path / "work"):  # folds the log into the catalogue
-        pass
-    return tmp_path / "work"
+def work(sound, tmp_path) -> Iterator[Path]:
+    with sound.copied(tmp_path / "work") as work:
+        with Registry.open(work):  # folds the log of a folder into the catalogue
+            pass
+        yield work
 
 
-def test_flipped_bits_are_found_or_change_nothing(sound, right):
-    verdicts = {name: judged(right, path) for name, path in flipped(sound, 40, seed=20261123)}
+def _refused_or_right(right: dict, work: Path) -> bool:
+    """Whether nothing that was changed is answered with; no look at a shared catalogue compares all its rows."""
+    return shared_at(work) is not None or wrong(right, work) == []
+
+
+def test_flipped_bits_are_found_or_change_nothing(sound, right, tmp_path):
+    with sound.copied(tmp_path / "sound") as work:
+        flips = (flipped_objects if sound.stores else flipped)(work, 40, seed=20261123)
+        verdicts = {name: judged(right, path) for name, path in flips}
     assert [name for name, verdict in verdicts.items() if verdict == "wrong"] == []
     in_files = [v for name, v in verdicts.items() if not name.startswith(("catalog", "searches"))]
     assert set(in_files) == {"found"}, "every file but the catalogue's has no bytes without a meaning"
@@ -47,7 +58,7 @@ def test_flipped_bits_are_found_or_change_nothing(sound, right):
 
 @pytest.mark.slow
 def test_ten_thousand_flipped_bits(sound, right):
-    wrong_ones = [n for n, path in flipped(sound, 10_000, seed=1) if judged(right, path) == "wrong"]
+    wrong_ones = [n for n, path in flipped(sound.path, 10_000, seed=1) if judged(right, path) == "wrong"]
     assert wrong_ones == []
 
 
@@ -58,78 +69,132 @@ COLUMNS = [(table.name, column.name) for table in tables.SEALED + (tables.seals,
 def test_each_column_of_the_catalogue_changed_is_found_and_not_answered_with(work, right, table, column):
     other = {"TEXT": f"'x' || {column}", "INTEGER": f"{column} + 100"}
     kind = str(next(c for c in tables.metadata.tables[table].c if c.name == column).type)
-    connection = sqlite3.connect(work / "catalog.sqlite")
-    with connection:
-        some = f"UPDATE {table} SET {column} = {other[kind]} WHERE rowid = (SELECT min(rowid) FROM {table})"
-        assert connection.execute(some).rowcount == 1
-    connection.close()
+    sql(work, f"UPDATE {table} SET {column} = {other[kind]} WHERE {_one(work, table)}")
     assert found(work)
-    assert wrong(right, work) == []
+    assert _refused_or_right(right, work)
     verify(work, repair=True)
     assert not found(work) and answers(work) == right
+
+
+def _one(work: Path, table: str) -> str:
+    row = row_number(work)
+    return f"{row} = (SELECT {row} FROM {table} ORDER BY {row} LIMIT 1)"
 
 
 @pytest.mark.parametrize("table", [t.name for t in tables.SEALED])
 def test_each_row_of_the_catalogue_lost_is_found_and_comes_back(work, right, table):
-    connection = sqlite3.connect(work / "catalog.sqlite")
-    with connection:
-        connection.execute(f"DELETE FROM {table} WHERE rowid = (SELECT max(rowid) FROM {table})")
-    connection.close()
+    sql(work, f"DELETE FROM {table} WHERE {_one(work, table)}")
     assert found(work)
-    with pytest.raises(CorruptError, match="changed from outside"):
-        answers(work)
+    if shared_at(work) is None:
+        with pytest.raises(CorruptError, match="changed from outside"):
+            answers(work)
     verify(work, repair=True)
     assert not found(work) and answers(work) == right
 
 
-def _one_of_each_kind(root: Path) -> list[Path]:
-    kept = [p for p in sorted(root.rglob("*")) if p.is_file() and p.stat().st_size]
+MORE = {
+    "a name more": "INSERT INTO recording_names SELECT 'more', recording_id FROM recording_names LIMIT 1",
+    "a result twice": "INSERT INTO results SELECT 'ee', kind, recording_id, path, ordinal + 7 FROM results LIMIT 1",
+    "an entry of nobody": "INSERT INTO entries SELECT 'ef', population_id, number + 1000 FROM entries LIMIT 1",
+    "an entry of another registry": f"UPDATE entries SET id = '{'ad' * 32}' WHERE number = 3",
+    "two entries with each other's number": "UPDATE entries SET number = 4 - number WHERE number IN (1, 3)",
+    "a recording with another's file": "UPDATE recordings SET path = (SELECT max(path) FROM recordings)",
+    "a file more": "INSERT INTO files SELECT 'shards/x', sha256, size FROM files LIMIT 1",
+}
+
+
+@pytest.mark.parametrize("change", MORE)
+def test_rows_more_moved_and_of_elsewhere_are_found_and_taken_out(work, right, change):
+    if "each other" in change:  # no number is there twice
+        sql(work, "UPDATE entries SET number = -number WHERE number IN (1, 3)")
+        sql(work, "UPDATE entries SET number = 4 + number WHERE number < 0")
+    else:
+        sql(work, MORE[change])
+    assert found(work)
+    assert _refused_or_right(right, work)
+    verify(work, repair=True)
+    assert not found(work) and answers(work) == right
+
+
+def _one_of_each_kind(root: Path) -> list[str]:
+    kept = [p.relative_to(root) for p in sorted(root.rglob("*")) if p.is_file() and p.stat().st_size]
     kept = [p for p in kept if "locks" not in p.parts and not p.name.endswith("-shm")]
-    return list({(p.relative_to(root).parts[0], p.suffix): p for p in kept}.values())
+    return [p.as_posix() for p in {(p.parts[0], p.suffix): p for p in kept}.values()]
 
 
 @pytest.mark.parametrize("damage", ["half", "last byte", "empty", "gone"])
 def test_files_cut_short_or_gone_are_found_and_not_answered_with(sound, right, tmp_path, damage):
-    for file in _one_of_each_kind(sound):
-        work = tmp_path / "work"
-        shutil.rmtree(work, ignore_errors=True)
-        shutil.copytree(sound, work)
-        place, size = work / file.relative_to(sound), file.stat().st_size
-        if damage == "gone":
-            place.unlink()
-        else:
-            os.truncate(place, {"half": size // 2, "last byte": size - 1, "empty": 0}[damage])
-        relative = place.relative_to(work).parts[0]
-        verdict = judged(right, work)
-        may_be_missing = relative in ("cache", "index", "searches") or relative.startswith("catalog.sqlite-")
-        may_be_missing |= (relative, damage) == ("dynreg.json", "last byte")  # the end of its line
-        assert verdict == "found" or (verdict == "no value changed" and may_be_missing), (relative, verdict)
+    with files_of(sound.path) as root:
+        kinds = _one_of_each_kind(root)
+    for name in kinds:
+        with sound.copied(tmp_path / "work") as work:
+            with files_of(work) as root:
+                place, size = root / name, (root / name).stat().st_size
+                if damage == "gone":
+                    place.unlink()
+                else:
+                    os.truncate(place, {"half": size // 2, "last byte": size - 1, "empty": 0}[damage])
+            verdict, folder = judged(right, work), name.split("/")[0]
+        may_be_missing = folder in ("cache", "index", "searches") or folder.startswith("catalog.sqlite-")
+        may_be_missing |= (folder, damage) == ("dynreg.json", "last byte")  # the end of its line
+        assert verdict == "found" or (verdict == "no value changed" and may_be_missing), (name, verdict)
+
+
+def test_files_of_another_registry_and_copies_under_other_names_are_found(work, right, tmp_path):
+    other = make_shard(0, 4, seed=5)
+    with Registry.open(tmp_path / "other", create=True) as elsewhere:
+        elsewhere.put_robot(make_robot(tmp_path / "robot"), ROBOT, "arm")
+        elsewhere.put_population(make_population())
+        elsewhere.put_shard("bench", 0, other)
+    with files_of(work) as root:
+        mine, theirs = (min((p / "shards").glob("*.safetensors")) for p in (root, tmp_path / "other"))
+        shutil.copy(theirs, root / "shards" / theirs.name)  # a stray: sound, and of the same population
+        shutil.copy(mine, root / "shards" / f"copy-{mine.name}")
+    assert answers(work) == right, "no row tells of them"
+    verify(work, repair=True)
+    assert verify(work).faults == () and answers(work) == right
+    with files_of(work) as root:
+        shutil.copy(theirs, root / "shards" / mine.name)
+    assert found(work) and wrong(right, work) == []
+    verify(work, repair=True)
+    assert verify(work).faults == () and answers(work) == right, "the copy has its bytes"
 
 
 def test_names_and_order_outlast_the_catalogue(work, right):
     """They lie in the ledger, whichever way the catalogue is lost."""
-    for damage in (Path.unlink, lambda p: p.write_bytes(b""), lambda p: p.write_bytes(b"\x07" * 9000)):
-        damage(work / "catalog.sqlite")
+    for damage in _LOSSES if shared_at(work) is None else (lose_catalogue, _emptied):
+        damage(work)
         with pytest.raises(CorruptError, match="repair"):
             Registry.open(work)
-        assert [fault.kind for fault in verify(work).faults] == ["catalog"]
+        assert verify(work).faults[0].kind == "catalog"
         assert not verify(work, repair=True).lost, "the ledger tells all"
         assert answers(work) == right and verify(work).faults == ()
 
 
+_LOSSES = (
+    lambda work: (work / "catalog.sqlite").unlink(),
+    lambda work: (work / "catalog.sqlite").write_bytes(b""),
+    lambda work: (work / "catalog.sqlite").write_bytes(b"\x07" * 9000),
+)
+
+
+def _emptied(work: Path) -> None:
+    sql(work, *(f"DELETE FROM {name}" for name in tables.metadata.tables if name != "migrations"))
+
+
 def test_a_lost_ledger_is_begun_anew_from_the_catalogue(work, right):
-    pages = sorted((work / "ledger").iterdir())
-    for damaged in (pages[:1], pages[-1:], pages[3:5]):
-        for page in damaged:
-            page.write_bytes(page.read_bytes()[:-3]) if page == damaged[0] else page.unlink(missing_ok=True)
+    for first, stop in ((0, 1), (-1, None), (3, 5)):
+        with files_of(work) as root:
+            pages = sorted((root / "ledger").iterdir())
+            if len(pages) < 6 and first:
+                break
+            for page in pages[first:stop]:
+                page.write_bytes(page.read_bytes()[:-3]) if page == pages[first] else page.unlink()
         assert answers(work) == right, "the catalogue is sound"
         faults = verify(work).faults
         assert {fault.kind for fault in faults} == {"ledger"} and not any(fault.lost for fault in faults)
         verify(work, repair=True)
         assert verify(work).faults == () and answers(work) == right
-        pages = sorted((work / "ledger").iterdir())
-        if len(pages) < 6:
-            break
 
 
 def test_a_catalogue_of_yesterday_follows_the_ledger(work, right, tmp_path):
@@ -145,14 +210,6 @@ def test_a_catalogue_of_yesterday_follows_the_ledger(work, right, tmp_path):
     assert verify(work).faults == () == verify(work).leftovers
 
 
-def _sql(root: Path, *statements: str) -> None:
-    connection = sqlite3.connect(root / "catalog.sqlite")
-    with connection:
-        for statement in statements:
-            connection.execute(statement)
-    connection.close()
-
-
 STRANGE = {
     "a view in place of a table": (
         "ALTER TABLE results RENAME TO kept",
@@ -166,9 +223,18 @@ STRANGE = {
 }
 
 
+NOT_THERE = {
+    "a trigger": "what a server does beside dynreg's tables is its owner's to judge",
+    "a table more": "a database may hold other tables",
+    "bytes for a name": "PostgreSQL keeps no bytes in a column of text",
+}
+
+
 @pytest.mark.parametrize("case", STRANGE)
 def test_strange_catalogues_are_refused_found_and_rebuilt(work, right, case):
-    _sql(work, *STRANGE[case])
+    if shared_at(work) is not None and case in NOT_THERE:
+        pytest.skip(NOT_THERE[case])
+    sql(work, *STRANGE[case])
     with pytest.raises(CorruptError, match="verify --repair"):
         answers(work)
     assert found(work)
@@ -208,21 +274,24 @@ def test_a_part_of_the_registry_that_is_a_link_is_refused_and_not_followed(work,
     assert kept.read_bytes() == before
 
 
-def test_a_dry_run_says_what_a_repair_would_do_and_changes_nothing(work, registry_snapshot):
-    next((work / "recordings").iterdir()).unlink()
-    _sql(work, "UPDATE recording_names SET name = 'x' WHERE name = 'again'")
+def test_a_dry_run_says_what_a_repair_would_do_and_changes_nothing(work):
+    with files_of(work) as root:
+        next((root / "recordings").iterdir()).unlink()
+    sql(work, "UPDATE recording_names SET name = 'x' WHERE name = 'again'")
     with pytest.raises(CorruptError):
         answers(work)
-    before = registry_snapshot(work)
+    before = stored(work)
     faults = verify(work, repair=True, dry_run=True).faults
     assert {fault.kind for fault in faults} == {"recording", "row"}
     assert all(fault.mended.startswith("would be ") for fault in faults)
-    assert registry_snapshot(work) == before
+    assert stored(work) == before
 
 
-def test_a_repair_without_room_touches_nothing(work, registry_snapshot, monkeypatch):
-    (work / "catalog.sqlite").write_bytes(b"junk" * 5000)
-    before = registry_snapshot(work)
+def test_a_repair_without_room_touches_nothing(work, monkeypatch):
+    sql(work, "UPDATE results SET ordinal = ordinal + 1")
+    with files_of(work) as root:
+        next((root / "recordings").iterdir()).write_bytes(b"junk" * 5000)
+    before = stored(work)
 
     def full(descriptor: int, data: bytes) -> None:
         raise OSError(28, "No space left on device")
@@ -231,7 +300,7 @@ def test_a_repair_without_room_touches_nothing(work, registry_snapshot, monkeypa
     with pytest.raises(RegistryError, match="No space left") as error:
         verify(work, repair=True)
     assert not isinstance(error.value, CorruptError)
-    assert registry_snapshot(work) == before
+    assert stored(work) == before
 
 
 CODES = {
@@ -261,7 +330,7 @@ def test_codes_of_sqlite_decide_what_is_said(work, code, monkeypatch):
 
     with Registry.open(work) as registry, monkeypatch.context() as patched:
         patched.setattr("dynreg.registry.catalog.broken_structure", fail)
-        _sql(work, "UPDATE results SET ordinal = ordinal")  # another state of the file
+        sql(work, "UPDATE results SET ordinal = ordinal")  # another state of the file
         with pytest.raises(DynregError, match=word) as error:
             registry.recordings()
     assert type(error.value) is kind and ("--repair" in str(error.value)) == (kind is CorruptError)
@@ -281,12 +350,10 @@ def test_an_empty_registry_whose_creation_was_cut_short_is_sound(tmp_path):
 
 
 @pytest.mark.parametrize("code", [5, 13, 24])  # EIO, EACCES, EMFILE
-def test_a_disk_that_fails_is_no_damage_and_nothing_is_repaired_for_it(
-    work, registry_snapshot, monkeypatch, code
-):
+def test_a_disk_that_fails_is_no_damage_and_nothing_is_repaired_for_it(work, monkeypatch, code):
     with Registry.open(work) as registry:
         registry.recordings()
-    before = registry_snapshot(work)
+    before = stored(work)
 
     def fails(path: Path) -> None:
         raise OSError(code, os.strerror(code))
@@ -296,7 +363,8 @@ def test_a_disk_that_fails_is_no_damage_and_nothing_is_repaired_for_it(
         with pytest.raises(RegistryError, match=os.strerror(code)) as error:
             ask(work)
         assert not isinstance(error.value, CorruptError) and "--repair" not in str(error.value)
-    assert registry_snapshot(work) == before
+    monkeypatch.undo()
+    assert stored(work) == before
 
 
 def test_a_stored_file_that_asks_for_more_than_the_limit_is_refused(work, monkeypatch):
@@ -320,13 +388,14 @@ def test_a_lost_marker_is_written_anew(work, right, damage):
 
 
 def test_files_under_other_names_get_their_own_again(work, right):
-    first, second = sorted((work / "shards").glob("*.parquet"))[:2]
-    first.rename(work / "kept")
-    second.rename(first)
-    (work / "kept").rename(second)
-    recording = next((work / "recordings").iterdir())
-    recording.rename(work / "recordings" / "run.parquet")
-    next((work / "populations").iterdir()).rename(work / "populations" / "bench.safetensors")
+    with files_of(work) as root:
+        first, second = sorted((root / "shards").glob("*.parquet"))[:2]
+        first.rename(root / "kept")
+        second.rename(first)
+        (root / "kept").rename(second)
+        recording = next((root / "recordings").iterdir())
+        recording.rename(root / "recordings" / "run.parquet")
+        next((root / "populations").iterdir()).rename(root / "populations" / "bench.safetensors")
     foreseen = verify(work, repair=True, dry_run=True)
     report = verify(work, repair=True)
     for told in (foreseen, report):
@@ -335,8 +404,9 @@ def test_files_under_other_names_get_their_own_again(work, right):
 
 
 def test_without_catalogue_and_ledger_the_files_come_back_and_what_is_lost_is_said(work, right):
-    (work / "catalog.sqlite").unlink()
-    shutil.rmtree(work / "ledger")
+    with files_of(work) as root:
+        shutil.rmtree(root / "ledger")
+    lose_catalogue(work)
     lost = verify(work, repair=True).lost
     assert [fault.kind for fault in lost if "names" in fault.problem] == ["recording name"] * 2
     assert verify(work).faults == ()
@@ -362,7 +432,8 @@ def test_copies_that_were_put_together_keep_the_rows_of_both(work, tmp_path):
 
 
 def test_a_lost_population_hides_nothing_else_and_is_put_again(work):
-    next((work / "populations").iterdir()).unlink()
+    with files_of(work) as root:
+        next((root / "populations").iterdir()).unlink()
     with Registry.open(work) as registry:
         with pytest.warns(Damaged, match="passed over"):
             assert registry.populations() == ()
@@ -406,13 +477,15 @@ def test_two_repairs_do_not_run_at_once(work):
 def test_a_put_during_a_repair_keeps_its_files(work, monkeypatch):
     """What a waiting writer has brought to disk is not put away by the repair that it waits for."""
     healed = make_recording(1)
-    damaged = next(p for p in (work / "recordings").iterdir() if p.name.startswith(healed.id[:16]))
-    whole = damaged.read_bytes()
-    damaged.write_bytes(b"junk")
+    with files_of(work) as root:
+        damaged = next(p for p in (root / "recordings").iterdir() if p.name.startswith(healed.id[:16]))
+        whole = damaged.read_bytes()
+        damaged.write_bytes(b"junk")
+    bucket, name = bucket_of(work), f"recordings/{damaged.name}"
     put_away = repairing.put_away
 
-    def slow(root, names):
-        damaged.write_bytes(whole)  # a put stages it, and waits for the lock
+    def slow(root, names):  # a put stages it, and waits for the lock
+        (work / name).write_bytes(whole) if bucket is None else bucket.write(name, whole)
         put_away(root, names)
 
     monkeypatch.setattr(repairing, "put_away", slow)
@@ -435,17 +508,18 @@ STRAYS = {
 
 @pytest.mark.parametrize("folder", STRAYS)
 def test_after_any_stray_a_repair_leaves_a_registry_that_answers_and_a_second_one_changes_nothing(
-    work, right, folder, registry_snapshot
+    work, right, folder
 ):
-    for stem, data in STRAYS[folder]:
-        suffix = {"shards": "parquet", "populations": "safetensors"}.get(folder, "json")
-        digest = hashlib.sha256(data).hexdigest()[:16]
-        (work / folder / f"{stem}-{digest}.{suffix}").write_bytes(data)
+    with files_of(work) as root:
+        for stem, data in STRAYS[folder]:
+            suffix = {"shards": "parquet", "populations": "safetensors"}.get(folder, "json")
+            digest = hashlib.sha256(data).hexdigest()[:16]
+            (root / folder / f"{stem}-{digest}.{suffix}").write_bytes(data)
     verify(work, repair=True)
     assert verify(work).faults == () and answers(work) == right
-    before = registry_snapshot(work)
+    before = stored(work)
     verify(work, repair=True)
-    assert registry_snapshot(work) == before
+    assert stored(work) == before
 
 
 def test_a_dry_run_leaves_a_registry_of_format_1_as_it_is(tmp_path, registry_snapshot):
@@ -466,7 +540,7 @@ def test_numbers_and_texts_of_numpy_are_stored_as_plain_ones(work):
 
 def test_nothing_is_put_into_a_catalogue_that_was_changed(work):
     with Registry.open(work) as registry:
-        _sql(work, "UPDATE results SET ordinal = ordinal + 1")
+        sql(work, "UPDATE results SET ordinal = ordinal + 1")
         with pytest.raises(CorruptError, match="changed from outside"):
             with registry.directory.catalog.write() as writing:
                 writing.remove(tables.results)

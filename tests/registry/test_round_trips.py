@@ -99,11 +99,13 @@ NUMBERED = ("catalog", "page")  # an ingestion changes which recording is the la
 
 
 def test_putting_again_changes_no_file(registry, robot):
-    before = {name: data for name, data in stored(registry).items() if name.split(".")[0] not in NUMBERED}
+    before = {
+        name: data for name, data in stored(registry.path).items() if name.split(".")[0] not in NUMBERED
+    }
     fill(registry, robot)
     ids = registry.put_shard("bench", 4, make_shard(4, 8))
     registry.put_recording(make_recording(1), ROBOT, "first run")
-    after = {name: data for name, data in stored(registry).items() if name.split(".")[0] not in NUMBERED}
+    after = {name: data for name, data in stored(registry.path).items() if name.split(".")[0] not in NUMBERED}
     assert after == before and ids == registry.load("bench").ids[4:8]
 
 
@@ -166,7 +168,7 @@ def test_a_robots_newest_maps_are_kept(registry, robot, registry_snapshot):
         registry.put_robot(robot, ROBOT, "arm")
         assert registry_snapshot(registry.robot_folder("arm")) == registry_snapshot(robot)
         assert verify(registry.path).faults == ()
-    with files_of(registry) as root:
+    with files_of(registry.path) as root:
         (root / "robots" / ROBOT / "maps" / "new.toml").write_text("damaged")
     (fault,) = verify(registry.path).faults
     assert fault.kind == "robot" and "new.toml" in fault.what
@@ -308,19 +310,19 @@ REFUSED = {
 @pytest.mark.parametrize("case", REFUSED)
 def test_refused_puts_leave_every_byte_as_it_was(registry, tmp_path, case):
     call, message = REFUSED[case]
-    before = stored(registry)
+    before = stored(registry.path)
     with pytest.raises((RegistryError, NoMatchError, UsageError), match=message):
         call(registry, tmp_path)
-    assert stored(registry) == before
+    assert stored(registry.path) == before
 
 
 def test_shapes_must_be_those_of_the_other_entries(registry):
     registry.put_population(make_population(12))
-    before = stored(registry)
+    before = stored(registry.path)
     with pytest.raises(RegistryError, match="shapes"):
         registry.put_shard("bench", 10, make_shard(10, 12, steps=6))
     with pytest.raises(RegistryError, match="number 10 is the same entry as number 0"):
         registry.put_shard("bench", 10, make_shard(0, 1))
-    assert stored(registry) == before
+    assert stored(registry.path) == before
     with pytest.raises(RegistryError, match="own_loss"):
         ShardData(np.zeros((2, 2)), np.zeros((2, 1, 3, 3)), {}, np.zeros(3), np.zeros(2))

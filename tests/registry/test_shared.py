@@ -1,5 +1,6 @@
 """A shared registry is the same registry: whoever opens it, wherever, with others at the same time."""
 
+import shutil
 import threading
 import time
 from pathlib import Path
@@ -19,7 +20,7 @@ from registry_contents import (
 
 import dynreg.registry.server as server
 from dynreg.errors import CorruptError, NoPlaceError, RegistryError, UsageError
-from dynreg.registry import Registry, verify
+from dynreg.registry import Registry, rebuild, verify
 from dynreg.registry.bucket import Bucket
 from dynreg.registry.collecting import collect
 from dynreg.registry.reaching import explained
@@ -101,7 +102,7 @@ def test_one_entry_is_fetched_without_its_shard_and_known_by_its_id(faces, robot
     fetched = bucket.fetched
     other.load_entry(ids[150])
     assert bucket.fetched == fetched, "parts are kept"
-    with files_of(one) as root:
+    with files_of(one.path) as root:
         path = min((root / "shards").glob("*.safetensors"))
         data = bytearray(path.read_bytes())
         data[data.index(whole.weights["w0"][160].tobytes())] ^= 1
@@ -211,7 +212,7 @@ def test_a_claim_holds_against_every_machine_until_its_session_ends(faces, robot
         assert (mine, theirs, next_one) == (True, False, True)
     with other.claim("bench", 0) as mine:
         assert mine
-    with pytest.raises(NoPlaceError), one.claim("bench", 0) as mine:
+    with one.claim("bench", 0) as mine:  # that it is lost is no error: two writers do no harm
         assert mine
         stores.sql("postgres", _END_ALL.format(place))  # as when its machine is gone
         with other.claim("bench", 0) as theirs:
@@ -260,11 +261,72 @@ def test_a_catalogue_that_is_lost_is_not_taken_for_an_empty_one(faces, robot, st
     stores.sql("postgres", f"DROP DATABASE {place} WITH (FORCE)", f"CREATE DATABASE {place}")
     with pytest.raises(CorruptError, match="verify --repair"):
         Registry.open(registry.path)
-    with pytest.raises(RegistryError, match="whose catalogue is another one"):
+    with pytest.raises(RegistryError, match="whose catalogue is another one.* add --rebuild"):
         Registry.share(tmp_path / "new", stores.catalog(place), stores.blobs(place))
     verify(registry.path, repair=True)
     with Registry.open(registry.path) as again:
         assert again.content_hash() == content
+
+
+def test_a_registry_of_which_the_bucket_alone_is_left_is_joined_again(faces, robot, stores, place, tmp_path):
+    registry = faces()
+    fill(registry, robot)
+    registry.put_recording(make_recording(1), ROBOT, "first run")
+    registry.put_result("neighbours", "first run", {"k": 5})
+    content, last = registry.content_hash(), registry.latest()
+    with pytest.raises(RegistryError, match="holds the catalogue of a.*an empty database"):
+        rebuild(tmp_path / "new", stores.catalog(place), stores.blobs(place))
+    registry.close()
+    shutil.rmtree(registry.path)
+    stores.sql("postgres", f"DROP DATABASE {place} WITH (FORCE)", f"CREATE DATABASE {place}")
+    with pytest.raises(RegistryError, match="nothing from which"):
+        rebuild(tmp_path / "new", stores.catalog(place), stores.blobs(place, "elsewhere"))
+    assert not (tmp_path / "new").exists()
+    assert not rebuild(tmp_path / "new", stores.catalog(place), stores.blobs(place)).lost
+    with Registry.open(tmp_path / "new") as again:
+        assert again.content_hash() == content and again.latest() == last
+        assert again.resolve("first run")[1] == make_recording(1).id
+    assert verify(tmp_path / "new").faults == ()
+
+
+def test_a_bucket_without_its_ledger_gives_back_all_but_names(faces, robot, stores, place, tmp_path):
+    registry = faces()
+    fill(registry, robot)
+    registry.put_recording(make_recording(1), ROBOT, "first run")
+    content = registry.content_hash()
+    registry.close()
+    with files_of(registry.path) as root:
+        shutil.rmtree(root / "ledger")
+    stores.sql("postgres", f"DROP DATABASE {place} WITH (FORCE)", f"CREATE DATABASE {place}")
+    with pytest.raises(CorruptError, match="its bucket is not"):
+        Registry.open(registry.path)
+    lost = rebuild(tmp_path / "new", stores.catalog(place), stores.blobs(place)).lost
+    assert "recording name" in {fault.kind for fault in lost}
+    with Registry.open(tmp_path / "new") as again:
+        assert again.content_hash() == content
+    assert verify(tmp_path / "new").faults == ()
+
+
+def test_a_database_of_yesterday_is_found_and_gets_what_came_since(faces, robot, stores, place):
+    registry = faces()
+    fill(registry, robot)
+    registry.close()
+    stores.sql("postgres", f"CREATE DATABASE {place}y TEMPLATE {place}")
+    with Registry.open(registry.path) as again:
+        for seed in (1, 2):
+            again.put_recording(make_recording(seed), ROBOT, f"run {seed}")
+        content = again.content_hash()
+    back = f"CREATE DATABASE {place} TEMPLATE {place}y"
+    stores.sql("postgres", f"DROP DATABASE {place} WITH (FORCE)", back, f"DROP DATABASE {place}y")
+    with Registry.open(registry.path) as again, pytest.raises(RegistryError, match="older than the ledger"):
+        collect(again)
+    (fault,) = verify(registry.path).faults
+    assert fault.kind == "catalog" and "last 2 pages" in fault.problem and not fault.lost
+    assert not verify(registry.path, repair=True).lost
+    with Registry.open(registry.path) as again:
+        assert again.content_hash() == content
+        assert [info.names for info in again.recordings()] == [("run 1",), ("run 2",)]
+    assert verify(registry.path).faults == ()
 
 
 SECRET = "open-sesame"

@@ -33,8 +33,8 @@ def test_a_sound_registry_has_no_faults(registry):
     assert report.faults == () and report.leftovers == ()
     assert report.checked["entries"] == 10 and report.checked["shards"] == 3
     assert report.lost == ()
-    before = stored(registry)
-    assert verify(registry.path).faults == () and stored(registry) == before
+    before = stored(registry.path)
+    assert verify(registry.path).faults == () and stored(registry.path) == before
 
 
 # kind of file: its pattern, and what a repair makes of the damage: taken out, or left to be put again
@@ -59,7 +59,7 @@ DAMAGES += [("shard states", _truncate), ("shard weights", _truncate)]
 def test_damaged_file_is_found_and_healed(registry, robot, file, damage):
     pattern, kind = FILES[file]
     whole, content = registry.load("bench"), registry.content_hash()
-    with files_of(registry) as root:
+    with files_of(registry.path) as root:
         damage(_one(root, pattern))
 
     report = verify(registry.path)
@@ -82,7 +82,7 @@ def test_damaged_file_is_found_and_healed(registry, robot, file, damage):
 
 
 def test_reading_what_is_damaged_is_an_error_that_names_the_next_step(registry):
-    with files_of(registry) as root:
+    with files_of(registry.path) as root:
         _flip(_one(root, "recordings/*"))
         _truncate(_one(root, "shards/*.parquet"))
         _truncate(_one(root, "populations/*"))
@@ -114,7 +114,7 @@ ROWS = {
 def test_damaged_row_is_found_and_written_again_from_the_files(registry, case):
     statement, kind = ROWS[case]
     content = registry.content_hash()
-    sql(registry, statement)
+    sql(registry.path, statement)
     assert kind in {fault.kind for fault in verify(registry.path).faults}
     verify(registry.path, repair=True)
     assert verify(registry.path).faults == () and verify(registry.path).leftovers == ()
@@ -170,18 +170,18 @@ def test_a_robot_may_call_its_files_anything_that_is_text(registry, robot):
 
 
 def test_half_copied_robot_is_no_fault(registry):
-    with files_of(registry) as root:
+    with files_of(registry.path) as root:
         half = root / "robots" / ("ef" * 32)
         half.mkdir()
         (half / "robot.toml").write_text("")
     assert verify(registry.path).faults == () and verify(registry.path).leftovers != ()
     verify(registry.path, repair=True)
-    with files_of(registry) as root:
+    with files_of(registry.path) as root:
         assert (root / "robots" / ("ef" * 32)).exists() and list(registry.robots()) == [ROBOT]
 
 
 def test_recording_put_again_heals_a_damaged_file_whatever_its_provenance(registry):
-    with files_of(registry) as root:
+    with files_of(registry.path) as root:
         _flip(_one(root, "recordings/*"))
     whole = make_recording(1)
     registry.put_recording(
@@ -194,7 +194,8 @@ def test_recording_put_again_heals_a_damaged_file_whatever_its_provenance(regist
 @pytest.mark.parametrize("how", ["overwrite", "delete"])
 def test_lost_catalogue_is_written_anew_from_the_files(registry, how):
     content, path = registry.content_hash(), registry.path
-    lose_catalogue(registry, how)
+    registry.close()
+    lose_catalogue(path, how)
     with pytest.raises(CorruptError, match="repair"):
         Registry.open(path)
     assert verify(path).faults[0].kind == "catalog"
@@ -219,9 +220,9 @@ def test_damaged_page_of_the_catalogue_is_found(registry):
 
 
 def test_path_out_of_the_registry_is_refused(registry, tmp_path):
-    with files_of(registry) as root:
+    with files_of(registry.path) as root:
         shutil.copy(_one(root, "recordings/*"), tmp_path / "outside.parquet")
-    sql(registry, "UPDATE recordings SET path = '../outside.parquet'")
+    sql(registry.path, "UPDATE recordings SET path = '../outside.parquet'")
     with pytest.raises(CorruptError, match="outside"):
         registry.recording("first run")
 
