@@ -30,6 +30,7 @@ from dynreg.draft.measured import (
 )
 from dynreg.draft.opened import Opened, open_model
 from dynreg.draft.parameters import parameters, reasons
+from dynreg.draft.passive import REASON, of_passive
 from dynreg.draft.source import Source
 from dynreg.draft.start import add_start
 from dynreg.draft.tables import (
@@ -163,6 +164,7 @@ def _tables(
     if measured:
         reset["base"] = "measured"
     doubted = Doubted(model, drives, base >= 0, ground, _efforts(drives, told))
+    passive = of_passive(doubted, notes)
     fall = None
     if base >= 0:
         values = {
@@ -177,8 +179,8 @@ def _tables(
             _reached(entry, d, told) for entry, d in zip(action_tables(model, drives), drives, strict=True)
         ),
         channels=_channels(model, drives, base, pose, told, notes),
-        parameters=parameters(doubted),
-        reasons=reasons(doubted),
+        parameters=(*parameters(doubted), *passive),
+        reasons=(*reasons(doubted), *([REASON] if passive else [])),
         reset=Entry(reset) if reset else None,
         fall=fall,
         replay=_replay(base, drives, measured),
