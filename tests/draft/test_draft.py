@@ -134,6 +134,8 @@ def test_a_quadruped_stands_and_has_the_channels_of_its_base(tmp_path):
         made.robot.space.names
     )
     assert any("ground" in note for note in made.notes)
+    assert "[gait] and [[tasks]]" in " ".join(made.files["robot.toml"].decode().split())
+    assert not any("[gait]" in note for note in drafted(tmp_path, MODELS["cart"][0]).notes)
 
 
 def test_a_payload_is_the_last_link_and_torques_have_no_gain_to_doubt(tmp_path):
