@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 
 from dynreg.data.names import joint_of
@@ -14,6 +15,7 @@ from dynreg.sim.robot import Robot
 
 # A change below a tenth of the noise needs 100 independent rows to determine one sigma of the prior.
 TRIED = 6  # windows in which a parameter is tried, spread over the recording to include each kind of motion
+SINGLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 UNSEEN = 0.1  # of the sensor's noise: a parameter with smaller changes is not visible
 
 
@@ -24,6 +26,12 @@ def only_joints(robot: Robot, joints: tuple[str, ...]) -> Robot:
     """
     driven = list(robot.driven)
     unknown = [j for j in joints if j not in driven]
+    if passive := [j for j in unknown if j in passive_joints(robot)]:
+        raise UsageError(
+            f"joint {passive[0]!r} of robot {robot.name!r} is not driven",
+            expected=f"some of {driven}: effects act at driven joints",
+            do=f"leave it out; its damping and dry friction can be [[parameters]], as {damping_of(passive[0])!r}",
+        )
     if unknown:
         raise UsageError(
             f"joint {unknown[0]!r} of robot {robot.name!r}",
@@ -40,6 +48,20 @@ def only_joints(robot: Robot, joints: tuple[str, ...]) -> Robot:
             do="give one a weight in robot.toml",
         )
     return replace(robot, file=robot.file.model_copy(update={"channels": channels}))
+
+
+def passive_joints(robot: Robot) -> tuple[str, ...]:
+    """The hinges and slides with a channel that no action drives; none of a robot in the plane, which has no joints."""
+    if robot.planar:
+        return ()
+    model, owners = robot.model, dict.fromkeys(joint_of(name) for name in robot.channels)
+    single = {model.joint(j).name for j in range(model.njnt) if int(model.jnt_type[j]) in SINGLE}
+    return tuple(joint for joint in owners if joint in single and joint not in robot.driven)
+
+
+def damping_of(joint: str) -> str:
+    """The entry of `sets` for a joint's damping."""
+    return f"mj.dof_damping[{joint}] ="
 
 
 def terms_at(terms: list[Term], joints: tuple[str, ...]) -> list[Term]:

@@ -1,4 +1,4 @@
-"""What the commands of a log are: positions to go to, or torques."""
+"""What the commands of a log are: positions to go to, or torques, or none that are recognised."""
 
 from collections.abc import Sequence
 
@@ -6,9 +6,10 @@ import mujoco
 import numpy as np
 
 from dynreg.data.drafting import Draft, draft_map
+from dynreg.data.names import joint_of
 from dynreg.data.series import RawLog
 from dynreg.draft.drives import Drive, is_hinge
-from dynreg.draft.entry import DriveKind
+from dynreg.draft.entry import DriveKind, Notes, listed
 from dynreg.draft.heard import Heard, Named, heard, spec_of
 
 HALF = 0.5  # share of the joints for which a log must tell the same
@@ -41,6 +42,22 @@ def commanded(model: mujoco.MjModel, drives: Sequence[Drive], log: RawLog) -> Dr
         forces = heard(draft_map(log, spec_of(model, positions, torques)))
         return "torque" if sum(name in forces.series for name, _ in torques) > HALF * len(joints) else None
     return None
+
+
+def say_no_command(
+    log: RawLog, actions: Sequence[tuple[str, str]], measured: list[str], notes: Notes
+) -> None:
+    """A note about a log in which no command was recognised: what it holds, and what to do."""
+    if not actions:
+        return
+    held = listed([" ".join(name.split()) for name in log.sources], most=12)
+    looks = f" One looks like a measured torque ({listed(measured)})." if measured else ""
+    first, _ = actions[0]
+    notes.add(
+        f"no column of commands was recognised in the log (for {listed([name for name, _ in actions])}). It holds "
+        f"{held}.{looks} Rename that of the commands, such as {joint_of(first)}_cmd, and draft again with another "
+        f'--to, or write source = "COLUMN" under {first} in the map'
+    )
 
 
 def _only_measured(draft: Draft, torques: Sequence[Named]) -> bool:

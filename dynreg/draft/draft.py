@@ -14,7 +14,7 @@ from dynreg.data.schema import RecordingSpec
 from dynreg.data.series import RawLog
 from dynreg.draft.actuators import put_drives
 from dynreg.draft.base import with_base
-from dynreg.draft.commanded import commanded
+from dynreg.draft.commanded import commanded, say_no_command
 from dynreg.draft.contacts import without_self_contacts
 from dynreg.draft.doubted import Doubted
 from dynreg.draft.driven import check_gains, drives_of, say_unlimited
@@ -30,6 +30,7 @@ from dynreg.draft.measured import (
 )
 from dynreg.draft.opened import Opened, open_model
 from dynreg.draft.parameters import parameters, reasons
+from dynreg.draft.passive import REASON, of_passive
 from dynreg.draft.source import Source
 from dynreg.draft.start import add_start
 from dynreg.draft.tables import (
@@ -54,6 +55,7 @@ from dynreg.sim.robot import Robot, robot_of
 MODEL, MAP = "model.xml", "maps/log.toml"
 ELSEWHERE = 0.1  # rad or m by which a base may begin elsewhere than simulations do
 RATES = (50.0, 100.0)  # Hz: of commands where no log tells, for arms and for robots that stand
+LEGGED = 4  # drives, other than of wheels, from which on a robot with a free base is taken for one on legs
 FALLEN = 0.4  # share of the height in which the base stands below which it has fallen
 TILT = 1.0  # rad
 # words in the names of sites where makers of arms mark what carries a tool: those of MuJoCo Menagerie and robosuite
@@ -128,10 +130,11 @@ def _heard(
     efforts = [(f"{d.joint}/{EFFORT}", effort_unit(model, d)) for d in drives]
     beside = spec_of(model, [(name, unit) for name, unit in efforts if name not in said], ())
     measured = heard(draft_map(log, beside)).series
-    if measured:
-        notes.add(
-            f"the log measures the torque of {len(measured)} joints: used to tell gains and limits, not as evidence"
-        )
+    if not said.keys() & told.series.keys():
+        say_no_command(log, actions, [*measured], notes)
+    elif measured:
+        joints = f"{len(measured)} {'joint' if len(measured) == 1 else 'joints'}"
+        notes.add(f"the log measures the torque of {joints}: used to tell gains and limits, not as evidence")
     return Heard({**told.series, **measured})
 
 
@@ -163,6 +166,12 @@ def _tables(
     if measured:
         reset["base"] = "measured"
     doubted = Doubted(model, drives, base >= 0, ground, _efforts(drives, told))
+    passive = of_passive(doubted, notes)
+    if base >= 0 and sum(d.kind != "velocity" for d in drives) >= LEGGED:
+        notes.add(
+            "how the robot walks is not drafted: write [gait] and [[tasks]] for dynreg gait. docs/gait.md explains "
+            "them, with examples"
+        )
     fall = None
     if base >= 0:
         values = {
@@ -177,8 +186,8 @@ def _tables(
             _reached(entry, d, told) for entry, d in zip(action_tables(model, drives), drives, strict=True)
         ),
         channels=_channels(model, drives, base, pose, told, notes),
-        parameters=parameters(doubted),
-        reasons=reasons(doubted),
+        parameters=(*parameters(doubted), *passive),
+        reasons=(*reasons(doubted), *([REASON] if passive else [])),
         reset=Entry(reset) if reset else None,
         fall=fall,
         replay=_replay(base, drives, measured),

@@ -10,15 +10,20 @@ from dynreg.draft.drives import Drive
 from dynreg.draft.entry import Entry, ranged, rounded
 from dynreg.draft.joints import groups, identifier
 from dynreg.rng import stream
+from dynreg.sim.lint import FACTOR
 
 PAYLOAD = 4.0  # times the last link's mass, where its drives hold no more: a gripper beside a flange
+OWN = 1.0  # of the arm's own mass: few arms carry more than they weigh, whatever torques their models state
 POSES = 128  # of an arm that are looked at
 EASY = 0.9  # share of them in which its drives hold a payload
 FRAME = 1e-4  # of the mass that moves: what weighs less marks a place, and no multiple of it is a payload
 # Ranges, as factors on the nominal.
 MASSES = (0.5, 2.0)  # of what may carry something
 LINKS = (0.7, 1.4)  # of all else: 3.5 times the tolerance of a mass, to each side
+MOST = MASSES[0] * FACTOR  # times the last link's mass: the check takes a wider range for a slip
 MASS = 0.1  # 1 sigma of a mass that is stated, relative to it
+REACHED = 14.0  # such sigmas, in which a range of a payload ends: a wide one is as open to a log as one to `PAYLOAD`
+LOADED = 1e-3  # N: less of a kilogram's weight on a drive is none, as that of a slide that lies level
 
 
 def masses(doubted: Doubted) -> Iterator[Entry]:
@@ -46,9 +51,11 @@ def masses(doubted: Doubted) -> Iterator[Entry]:
     name = ("tip_mass" if last else "hand_mass") if moved else "moving_mass"
     mass = float(sum(model.body_mass[b] for b in bodies))
     whole = mass + float(sum(model.body_mass[b] for rest in moved.values() for b in rest))
-    most = PAYLOAD if mass < FRAME * whole else max(PAYLOAD, rounded(1.0 + _held(doubted, tip[0]) / mass))
-    held = "; as much as the drives hold in most poses" if most > PAYLOAD else ""
-    yield _mass(model, name, bodies, (MASSES[0], most), f"{said}: a payload shows here{held}")
+    most, why = _payload(doubted, tip[0], mass, whole)
+    said = f"{said}: a payload shows here{why}"
+    yield _mass(
+        model, name, bodies, (MASSES[0], most), said, max(MASS, rounded(float(np.log(most)) / REACHED))
+    )
     if moved:
         every = [b for bodies in moved.values() for b in bodies]
         yield _mass(model, "link_mass", every, LINKS, "all links before that")
@@ -93,10 +100,28 @@ def _tip(model: mujoco.MjModel, drives: Sequence[Drive], moved: Mapping[int, lis
     return [w for w in moved if w in _below(model, holding[-1])] or None
 
 
+def _payload(doubted: Doubted, tip: int, mass: float, whole: float) -> tuple[float, str]:
+    """How many times the mass of an arm's last links there may be with a payload; what a comment says of it.
+
+    mass, whole : of these links, and of the whole arm [kg].
+    """
+    if mass < FRAME * whole:
+        return PAYLOAD, ""
+    held = _held(doubted, tip)
+    most = min(rounded(1.0 + min(held, OWN * whole) / mass), MOST)
+    if most <= PAYLOAD:
+        return PAYLOAD, ""
+    if most == MOST:
+        return most, f"; at most {MOST:g} times the model's"
+    weighs = held > OWN * whole
+    return most, "; at most what the arm weighs" if weighs else "; as much as the drives hold in most poses"
+
+
 def _held(doubted: Doubted, tip: int) -> float:
     """The mass [kg] at the centre of mass of a body that the drives before it hold in most of the arm's poses.
 
-    In each pose the least, over its joints, of the torque that a drive has to spare, over the lever of that mass.
+    In each pose the least, over its joints, of the torque that a drive has to spare, over the lever of that mass. 0
+    where its weight loads no drive, as on a level slide: then nothing is told of a payload.
     """
     model, data, rng = doubted.model, mujoco.MjData(doubted.model), stream(0, "payload")
     drives = {model.joint(d.joint).id: d for d in doubted.drives}
@@ -111,8 +136,10 @@ def _held(doubted: Doubted, tip: int) -> float:
         mujoco.mj_forward(model, data)
         mujoco.mj_jacBodyCom(model, data, moved, None, tip)
         spare = np.maximum(most - np.abs(data.qfrc_bias[dofs]), 0.0)
-        found.append(np.min(spare / np.maximum(np.abs(model.opt.gravity @ moved)[dofs], 1e-9)))
-    return float(np.quantile(found, 1.0 - EASY))
+        weight = np.abs(model.opt.gravity @ moved)[dofs]
+        if (loads := weight > LOADED).any():
+            found.append(np.min(spare[loads] / weight[loads]))
+    return float(np.quantile(found, 1.0 - EASY)) if found else 0.0
 
 
 def _below(model: mujoco.MjModel, body: int) -> set[int]:
@@ -125,9 +152,14 @@ def _below(model: mujoco.MjModel, body: int) -> set[int]:
 
 
 def _mass(
-    model: mujoco.MjModel, name: str, bodies: Sequence[int], ends: tuple[float, float], said: str
+    model: mujoco.MjModel,
+    name: str,
+    bodies: Sequence[int],
+    ends: tuple[float, float],
+    said: str,
+    tolerance: float = MASS,
 ) -> Entry:
-    (least, most), tolerance = ends, MASS
+    least, most = ends
     heavy = [b for b in bodies if model.body_mass[b] > 0]
     mass = float(sum(model.body_mass[b] for b in heavy))
     names = ",".join(model.body(b).name for b in heavy)

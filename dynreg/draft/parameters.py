@@ -10,6 +10,7 @@ from dynreg.draft.drives import Drive, is_hinge
 from dynreg.draft.entry import Entry, ranged, rounded
 from dynreg.draft.joints import groups, identifier
 from dynreg.draft.masses import LINKS, MASSES, PAYLOAD, masses
+from dynreg.draft.masses import MOST as MASS_MOST
 from dynreg.draft.measured import AGREES
 
 MOST = 16  # parameters in all, about
@@ -18,6 +19,11 @@ WIDE = 5.0  # factor about the nominal in which friction and damping are looked 
 COULOMB = 0.15  # largest dry friction where the model has none, as a share of the drive's torque
 VISCOUS = 0.1  # largest damping, as that share per rad/s: ten times as fast, and it takes all of the torque
 ROTOR = 0.5  # largest inertia of a rotor, as a share of the joint's
+FIELDS = {
+    "damping": "dof_damping",
+    "friction": "dof_frictionloss",
+    "armature": "dof_armature",
+}  # of MuJoCo's model
 # Ranges, as factors on the nominal.
 GAINS = (0.4, 2.5)
 LIMITS = (0.5, 1.5)
@@ -36,7 +42,8 @@ GUESSED = 0.7  # of a gain that is guessed here
 DOUBLED = 0.5  # of friction and damping that the model states: half of that is nothing unusual
 REASONS = (
     f"Ranges: masses of what may carry something from {MASSES[0]:g} to {MASSES[1]:g} times the model's (of an arm to "
-    f"{PAYLOAD:g}, or to what its drives hold), of all else from {LINKS[0]:g} to {LINKS[1]:g}; gains from "
+    f"{PAYLOAD:g}, or to what its drives hold and no more than it weighs, if that is more; at most {MASS_MOST:g}), of "
+    f"all else from {LINKS[0]:g} to {LINKS[1]:g}; gains from "
     f"{GAINS[0]:g} to {GAINS[1]:g} ({AGREES:.0%} to each side where the log's torques follow them), torque limits from "
     f"{LIMITS[0]:g} to {LIMITS[1]:g}. Friction and damping that the model states, from 1/{WIDE:g} to {WIDE:g} times, "
     f"or to what it may be where the model states none, if that is more (at most {WIDE**2:g} times); that it does not, "
@@ -142,23 +149,23 @@ def _pattern(names: Sequence[str], doubted: Doubted) -> str:
 
 def _of_joints(doubted: Doubted, what: str, whole: bool = False) -> Iterator[Entry]:
     """Damping, dry friction or rotors' inertia of each group of joints; `whole` : one of all."""
-    field = {"damping": "dof_damping", "friction": "dof_frictionloss", "armature": "dof_armature"}[what]
+    field = FIELDS[what]
     split = {"": [d.joint for d in doubted.drives]} if whole else doubted.grouped
     for group, names in split.items():
         name = identifier(f"{group}_{what}") if group else what
-        values = _field(doubted.model, field, names)
+        values = values_of(doubted.model, what, names)
         target = f"mj.{field}[{','.join(names)}]"
         most = rounded(float(np.median([_largest(doubted, n, what) for n in names])))
         tolerance = DOUBLED if what != "armature" and values.any() else TOLERANCES[what]
         if (values <= 0).all():
             said = "the model says none"
             yield ranged(
-                name, f"{target} =", 0.0, _unit(doubted.model, names[0], what), 0.0, most, tolerance, said
+                name, f"{target} =", 0.0, unit_of(doubted.model, names[0], what), 0.0, most, tolerance, said
             )
         elif np.ptp(values) == 0:
             value = float(values[0])
             high = max(WIDE * value, min(most, WIDE**2 * value) if what != "armature" else 0.0)
-            unit = _unit(doubted.model, names[0], what)
+            unit = unit_of(doubted.model, names[0], what)
             yield ranged(name, f"{target} =", value, unit, value / WIDE, high, tolerance, "of the model")
         else:
             some = [n for n, v in zip(names, values, strict=True) if v > 0]
@@ -167,7 +174,9 @@ def _of_joints(doubted: Doubted, what: str, whole: bool = False) -> Iterator[Ent
             yield ranged(name, f"{target} *=", 1.0, "1", 1 / WIDE, WIDE, tolerance, said)
 
 
-def _field(model: mujoco.MjModel, field: str, names: Sequence[str]) -> np.ndarray:
+def values_of(model: mujoco.MjModel, what: str, names: Sequence[str]) -> np.ndarray:
+    """(J,) damping, dry friction or rotors' inertia of these joints, as the model states it."""
+    field = FIELDS[what]
     return np.array([float(getattr(model, field)[model.joint(n).dofadr[0]]) for n in names])
 
 
@@ -178,7 +187,8 @@ def _largest(doubted: Doubted, joint: str, what: str) -> float:
     return (COULOMB if what == "friction" else VISCOUS) * doubted.strengths[joint]
 
 
-def _unit(model: mujoco.MjModel, joint: str, what: str) -> str:
+def unit_of(model: mujoco.MjModel, joint: str, what: str) -> str:
+    """The unit of a joint's damping, dry friction or rotor."""
     hinge = is_hinge(model, model.joint(joint).id)
     if what == "armature":
         return "kg*m^2" if hinge else "kg"

@@ -11,6 +11,7 @@ from dynreg.errors import RobotError
 from dynreg.limits import limits, refuse
 
 MANY = 64  # folders of a model and its includes: each file that they name is looked for in all of them
+SOME = 3  # of the places at which a missing file was looked for
 
 # What tinyxml2, by which MuJoCo reads XML, takes for a comment, text in CDATA, a declaration, a tag or text, one after
 # the other. Expat is stricter (`--` in comments, `&` in values); models that MuJoCo reads would be refused.
@@ -70,15 +71,16 @@ class _Places:
     def find(self, files: Mapping[str, bytes], xml: _Xml, one: _Named) -> list[str]:
         """The paths at which the file that an XML file names may lie; RobotError where the robot's folder has none."""
         names = (one.name, posixpath.basename(one.name)) if self.strips else (one.name,)
-        paths = (
+        paths = dict.fromkeys(
             posixpath.normpath(posixpath.join(folder, name)) for folder, name in product(self.folders, names)
         )
-        if found := [path for path in dict.fromkeys(paths) if path in files]:
+        if found := [path for path in paths if path in files]:
             return found
+        looked = " or ".join(reprlib.repr(path) for path in [*paths][::-1][:SOME]) if len(paths) > 1 else ""
         raise RobotError(
             f"{_line(xml.path, files[xml.path], one.at)}: <{one.tag}> reads {reprlib.repr(one.name)}, "
             "which is not in the robot's folder",
-            expected="a file of the folder, which its hash covers",
+            expected=f"a file of the folder{f', as {looked}' if looked else ''}, which its hash covers",
             do="copy it there, and name it by its path from the model",
         )
 

@@ -17,6 +17,8 @@ from dynreg.sim.space import Parameter
 FAR = (
     60.0  # tolerances from the nominal value to an end of the range: that of a factor of 2 known to 1 % is 69
 )
+FACTOR = 100.0  # between the ends of a mass's range: from a robot without its hand to one with fifty
+ROUNDED = 1.001  # times that: robot.toml holds few digits
 PAST = 0.5  # share of an action's range beyond the joint's, above which one of the two is taken for a slip
 Setter = tuple[str, str, Assignment]  # "parameters" or "settings", its name, what it sets
 
@@ -24,6 +26,7 @@ Setter = tuple[str, str, Assignment]  # "parameters" or "settings", its name, wh
 def doubts(robot: Robot) -> Iterator[Said]:
     """What will be in the way later, by robot.toml and the model alone; every name must resolve."""
     yield from _tolerances(robot)
+    yield from _wide_masses(robot)
     yield from _noiseless(robot)
     yield from _overwritten(robot)
     yield from _name_taken(robot)
@@ -50,6 +53,19 @@ def _tolerances_away(p: Parameter) -> float:
         return max(np.log(p.high / p.nominal), np.log(p.nominal / p.low)) / p.tolerance
     one = p.tolerance * (abs(p.nominal) or p.high - p.low)
     return max(p.high - p.nominal, p.nominal - p.low) / one
+
+
+def _wide_masses(robot: Robot) -> Iterator[Said]:
+    """Factors on masses that span more than two decades, and masses that span as much and outweigh the whole robot."""
+    for p, several in zip(robot.space.parameters, robot.setters, strict=True):
+        ops = {a.op for a in several if _path(a)[0] == "mj.body_mass"}
+        wide = 0 < FACTOR * ROUNDED * p.low < p.high
+        if wide and ("*=" in ops or ("=" in ops and p.high > robot.model.body_mass.sum())):
+            yield (
+                ("parameters", p.name, "high"),
+                f"parameter {p.name!r}: its range spans a factor of {p.high / p.low:.2g} in mass: most of a population "
+                f"would be no such robot; narrow it to a factor of at most {FACTOR:g}",
+            )
 
 
 def _noiseless(robot: Robot) -> Iterator[Said]:

@@ -2,11 +2,13 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from dynreg.data.names import joint_of
 from dynreg.data.recording import Recording
 from dynreg.diagnose.account import Account
 from dynreg.diagnose.diagnose import Diagnosed, no_candidates
 from dynreg.diagnose.doubts import at_bounds
 from dynreg.diagnose.identifiability import Unidentified
+from dynreg.diagnose.joints import damping_of, passive_joints
 from dynreg.diagnose.measured import measured_effects
 from dynreg.diagnose.noise import own_noise
 from dynreg.diagnose.options import DiagnosisOptions
@@ -18,6 +20,7 @@ from dynreg.replay.holes import holes, sentence
 from dynreg.results.diagnosis import Pulled
 from dynreg.results.sentence import times
 from dynreg.sim.robot import Robot
+from dynreg.sim.sets import FRICTION_FIELDS
 from dynreg.verbs.held_out import held_out_notes
 
 WORDS = {
@@ -34,6 +37,8 @@ WORDS = {
 }
 MOVED = 1.0  # sigma: from here on a value is not robot.toml's, however wide its interval is
 NINETY_WIDE = 3.29  # sigma: the width of a 90 % interval of a normal distribution
+MUCH = 0.2  # of the error, which is told of a joint that nothing drives
+OWN = tuple(FRICTION_FIELDS.values())  # what such a joint has in MuJoCo's model
 DRIFT = ("overall", "early", "late")  # the error of every rollout grows with time: these regimes say nothing
 
 
@@ -99,6 +104,8 @@ def notes(
             f"only {', '.join(options.joints)} was diagnosed: parameters that do not act there keep their initial value"
         )
     out += not_looked_for(made.problem, options)
+    if made.verdict != "none":
+        out += not_driven(made.problem.model.robot, seen.where)
     if made.evidence.noise.basis == "stated_noise":
         out.append(
             "no run was repeated: the residual is compared with the stated sensor noise, the least that any simulator "
@@ -122,6 +129,23 @@ def at_the_edge(names: Sequence[str]) -> Iterator[str]:
         yield (
             f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} at the edge of the allowed range: widen the "
             "range in robot.toml, or look for another cause"
+        )
+
+
+def not_driven(robot: Robot, rows: Sequence[ErrorRow]) -> Iterator[str]:
+    """A line on each joint without a drive that holds much of the error: no effect has a place there."""
+    for joint in passive_joints(robot):
+        share = sum(r.share for r in rows if r.regime == "overall" and joint_of(r.channel) == joint)
+        if share < MUCH:
+            continue
+        pairs = zip(robot.space.names, robot.setters, strict=True)
+        own = [name for name, several in pairs if any(a.path in OWN and joint in a.elements for a in several)]
+        do = f"{', '.join(own)} {'is' if len(own) == 1 else 'are'} fitted there"
+        if not own:
+            do = f"let [[parameters]] in robot.toml set its damping, as {damping_of(joint)!r}"
+        yield (
+            f"{joint} is not driven: {100 * share:.0f} % of the calibrated simulator's error is on it, and effects act "
+            f"at driven joints alone; {do}"
         )
 
 

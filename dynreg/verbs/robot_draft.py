@@ -23,7 +23,7 @@ class RobotDraftSettings(Settings):
     """What a user states about a robot."""
 
     to: Path | None = option(None, "Folder to write.", usual="the robot's name, here")
-    name: str | None = option(None, "Name of the robot.", usual="the model's")
+    name: str | None = option(None, "Name of the robot.", usual="the file's, or its folder's")
     drive: str | None = option(
         None,
         "What drives are told.",

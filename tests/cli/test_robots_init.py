@@ -46,3 +46,38 @@ def test_what_the_model_cannot_be_given_is_an_error_of_the_command(dynreg, here:
     made = dynreg("robots", "init", "arm.xml", "--free-base")
     assert made.status == 2 and "--free-base for arm.xml, an MJCF" in made.err, made
     assert not (here / "arm").exists()
+
+
+@pytest.mark.parametrize(
+    "wrong, told",
+    [({"timestep": "timestap"}, 1), ({"timestep": "timestap", "[excitation]": "[excitatio]"}, 3)],
+)
+def test_the_check_tells_each_error_once(wrong: dict[str, str], told: int, dynreg, here: Path) -> None:
+    (here / "arm.xml").write_text(ARM)
+    dynreg("robots", "init", "arm.xml", "--to", "arm")
+    toml = here / "arm" / "robot.toml"
+    text = toml.read_text()
+    for old, new in wrong.items():
+        text = text.replace(old, new, 1)
+    toml.write_text(text)
+    ended = dynreg("robots", "check", "arm")
+    both = " ".join(f"{ended.out} {ended.err}".split())
+    assert ended.status == 1 and both.count("timestap") == 1 and both.count("error: ") == told, both
+    assert f"{len(wrong)} error" in ended.out
+
+
+def test_a_file_that_is_missing_is_told_by_the_place_where_it_was_looked_for(dynreg, here: Path) -> None:
+    mesh = '<mujoco><compiler meshdir="./assets/"/><asset><mesh name="m" file="base.stl"/></asset>'
+    (here / "arm.xml").write_text(ARM.replace("<mujoco>", mesh))
+    made = dynreg("robots", "init", "arm.xml")
+    assert made.status == 1 and "'assets/base.stl'" in made.err, made
+
+
+def test_a_log_without_commands_is_said_to_have_none(dynreg, here: Path) -> None:
+    (here / "arm.xml").write_text(ARM)
+    rows = [f"{n / 100},{n % 7 / 100},{n % 5 / 100}" for n in range(300)]
+    (here / "run.csv").write_text("\n".join(["t_s,pos_turn,effort_turn", *rows]))
+    made = dynreg(*"robots init arm.xml --log run.csv".split())
+    said = " ".join(made.out.split())
+    assert "no column of commands was recognised" in said and "pos_turn, effort_turn" in said
+    assert "the log measures the torque" not in said

@@ -100,6 +100,22 @@ SLIDER = """
   <actuator><position joint="rail" kp="400" kv="30"/></actuator>
 </mujoco>
 """
+CARTPOLE = """
+<mujoco model="cartpole">
+  <option timestep="0.01" integrator="RK4"><flag contact="disable"/></option>
+  <worldbody>
+    <body name="cart" pos="0 0 1">
+      <joint name="slider" type="slide" axis="1 0 0" range="-1.8 1.8" damping="0.0005"/>
+      <geom type="box" size="0.2 0.15 0.1" mass="1"/>
+      <body name="pole">
+        <joint name="hinge" axis="0 1 0" damping="0.000002"/>
+        <geom type="capsule" fromto="0 0 0 0 0 1" size="0.045" mass="0.1"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><motor joint="slider" gear="10" ctrlrange="-1 1"/></actuator>
+</mujoco>
+"""
 URDF = """<?xml version="1.0"?>
 <robot name="two_link">
   <link name="base_link"/>

@@ -11,6 +11,7 @@ from dynreg.draft.entry import Drafted
 from dynreg.errors import RobotError
 from dynreg.sim.check import problems
 from dynreg.sim.engines import rollout
+from dynreg.sim.lint import doubts
 from dynreg.sim.run import Run
 
 
@@ -34,6 +35,7 @@ MODELS = {
     "quadruped": (strangers.quadruped(), {}),
     "cart": (strangers.CART, {}),
     "slider": (strangers.SLIDER, {}),
+    "cartpole": (strangers.CARTPOLE, {}),
     "urdf": (strangers.URDF, {}),
 }
 
@@ -42,6 +44,7 @@ MODELS = {
 def test_a_draft_passes_the_check_as_it_is(text, stated, tmp_path):
     made = drafted(tmp_path, text, **stated)
     assert problems(made.robot) == []
+    assert not [said for (at, *_), said in doubts(made.robot) if at == "parameters"]
     assert len(made.robot.space) <= 18
 
 
@@ -131,6 +134,8 @@ def test_a_quadruped_stands_and_has_the_channels_of_its_base(tmp_path):
         made.robot.space.names
     )
     assert any("ground" in note for note in made.notes)
+    assert "[gait] and [[tasks]]" in " ".join(made.files["robot.toml"].decode().split())
+    assert not any("[gait]" in note for note in drafted(tmp_path, MODELS["cart"][0]).notes)
 
 
 def test_a_payload_is_the_last_link_and_torques_have_no_gain_to_doubt(tmp_path):
@@ -141,20 +146,32 @@ def test_a_payload_is_the_last_link_and_torques_have_no_gain_to_doubt(tmp_path):
     assert "link_mass" in by_name and "gain" not in by_name
 
 
-def test_an_arm_may_carry_what_its_drives_hold(tmp_path):
-    """A hand of 20 g on a shoulder of 5 and of 30 N*m: its own mass says nothing of a payload."""
+def mass_of(made: Drafted, name: str):
+    (found,) = [p for p in made.robot.space.parameters if p.name == name]
+    return found
+
+
+def test_an_arm_may_carry_what_its_drives_hold_and_no_more_than_it_weighs(tmp_path):
+    """A hand of 20 g on a shoulder of 1 and of 30 N*m: its own mass says nothing of a payload."""
     light = strangers.ARM.replace('mass="0.2"', 'mass="0.02"').format(actuators=strangers.MOTOR)
     most = {}
-    for strength in ("1", "6"):
+    for strength in (0.2, 6.0):
         strong = light.replace('gear="5" ctrlrange="-1 1"', f'gear="5" ctrlrange="-{strength} {strength}"')
-        strong = strong.replace('ctrlrange="-2 2"', f'ctrlrange="-{2 * int(strength)} {2 * int(strength)}"')
-        folder = tmp_path / strength
+        strong = strong.replace('ctrlrange="-2 2"', f'ctrlrange="-{2 * strength} {2 * strength}"')
+        folder = tmp_path / str(strength)
         folder.mkdir()
-        (tip,) = [p for p in drafted(folder, strong).robot.space.parameters if p.name == "tip_mass"]
+        tip = mass_of(drafted(folder, strong), "tip_mass")
         assert tip.nominal == pytest.approx(0.02)
         most[strength] = tip.high
-    # stretched out level, the shoulder's 5 N*m hold 1.4 kg at 0.3 m beside the upper arm; its 30 N*m hold 9.9 kg
-    assert 1.4 < most["1"] < 3.0 and 9.9 < most["6"] < 20.0
+    # stretched out level, the shoulder's 1 N*m hold 0.2 kg at 0.3 m beside the upper arm; its 30 N*m hold 9.9 kg,
+    # and the arm weighs 0.42 kg
+    assert 0.2 < most[0.2] < 0.42 and most[6.0] == pytest.approx(0.44, rel=0.05)
+
+
+def test_a_payload_that_no_drive_holds_up_has_the_usual_range(tmp_path):
+    """On a level slide nothing weighs, and a drive of 10 N would hold any mass."""
+    cart = mass_of(drafted(tmp_path, strangers.CARTPOLE), "moving_mass")
+    assert (cart.low, cart.high) == (0.5, 4.0)
 
 
 def test_meshes_that_are_missing_are_said_and_left_out(tmp_path):

@@ -100,6 +100,16 @@ WARNED = {
         ARM_XML,
         r"tolerance = 0.01@parameter 'gain': its range ends 139 tolerances from nominal",
     ),
+    "a mass's range": (
+        [
+            (
+                "[[parameters]]",
+                parameter("load", "modifier.mass[lower] *=", low=0.5, high=900.0) + "\n[[parameters]]",
+            )
+        ],
+        ARM_XML,
+        r"high = 900.0@parameter 'load': its range spans a factor of 1.8e\+03 in mass",
+    ),
     "overwritten": (
         [
             ("mj.body_mass[lower] +=", "port.drive.gain[shoulder] ="),
