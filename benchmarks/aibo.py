@@ -14,7 +14,6 @@ from dynreg.sim.real import DISTURBANCE, disturbance, disturbed, finer, largest_
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
 from dynreg.sim.space import ParameterSpace
-from dynreg.sim.stand import on_stand
 
 SHARE = 0.8  # of a joint's way, as in the paper
 AIR = 60.0  # s: half a sine of rising frequency, half a square wave
@@ -147,11 +146,16 @@ def logged(
 
 
 def logs(
-    robot: Hidden, *, fit: int = FIT, held: int = HELD, air: float = AIR, walk: float = WALK
+    robot: Hidden,
+    stand: Robot,
+    *,
+    fit: int = FIT,
+    held: int = HELD,
+    air: float = AIR,
+    walk: float = WALK,
 ) -> dict[str, Recording]:
-    """{"air": of `aibo_on_stand`, "ground": motions, "walks": groups A and B, of `aibo`}; air, walk : [s] of each."""
+    """{"air": of `stand`, aibo on it; "ground": motions, "walks": groups A and B, both of `aibo`}; air, walk : [s]."""
     aibo = load_robot("aibo")
-    stand = on_stand(aibo)
     named = {f"A{i:02}": w for i, w in enumerate(walks(aibo, fit, robot.seed, walk))}
     named |= {f"B{i:02}": w for i, w in enumerate(walks(aibo, held, robot.seed + 1_000_000, walk))}
     return {

@@ -63,7 +63,7 @@ def calibrated(
     """
     robot = load_robot("aibo")
     stand = on_stand(robot)
-    names = aibo.logs(hidden, fit=given.fit, held=given.held, air=given.air, walk=given.walk)
+    names = aibo.logs(hidden, stand, fit=given.fit, held=given.held, air=given.air, walk=given.walk)
     session.ingest(names["air"], stand, name="air")
     for name in ("ground", "walks"):
         session.ingest(names[name], robot, name=name)

@@ -81,7 +81,7 @@ def test_the_demo_from_an_empty_folder_to_the_cause_and_its_page(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("DYNREG_REGISTRY", "elsewhere")
     options = ["--n", "24", "--hidden", "--seconds", str(SECONDS), "--folder", str(tmp_path / "demo")]
-    assert examples["demo"].main([*options, "--effects", "load_friction,payload,backlash"]) == 0
+    assert examples["demo"].main([*options, "--effects", "load_friction,backlash"]) == 0
     out = capsys.readouterr().out
     verbs = ["populate", "ingest", "query", "diagnose", "report"]
     assert [line.split()[2] for line in out.splitlines() if line.startswith("$ dynreg")] == verbs

@@ -79,7 +79,7 @@ def test_the_query_notebook(
     data = request.getfixturevalue("data_dir") if source == "measured" else place
     monkeypatch.setenv("DYNREG_DATA_DIR", str(data.resolve()))
     monkeypatch.setenv("DYNREG_NOTEBOOK_REGISTRY", str(place / "registry"))
-    monkeypatch.setenv("DYNREG_NOTEBOOK_N", "64")
+    monkeypatch.setenv("DYNREG_NOTEBOOK_N", "24")
     monkeypatch.delenv("MPLBACKEND", raising=False)  # the kernel draws into the notebook
     (path,) = [p for p in NOTEBOOKS if p.stem == "01_query"]
     notebook = nbformat.read(path, 4)
@@ -100,7 +100,7 @@ def test_the_diagnosis_notebook(
     data = request.getfixturevalue("data_dir") if source == "measured" else tmp_path
     monkeypatch.setenv("DYNREG_DATA_DIR", str(data.resolve()))
     monkeypatch.setenv("DYNREG_NOTEBOOK_REGISTRY", str(tmp_path / "registry"))
-    monkeypatch.setenv("DYNREG_NOTEBOOK_EFFECTS", "load_friction,payload,backlash")
+    monkeypatch.setenv("DYNREG_NOTEBOOK_EFFECTS", "load_friction,backlash")
     monkeypatch.delenv("MPLBACKEND", raising=False)
     (path,) = [p for p in NOTEBOOKS if p.stem == "02_diagnose"]
     notebook = nbformat.read(path, 4)

@@ -22,7 +22,7 @@ from dynreg.evidence.hypothesis import Hypothesis, single_terms
 from dynreg.evidence.interval import posterior
 from dynreg.evidence.lockstep import Search, run, together
 from dynreg.evidence.point import Point
-from dynreg.evidence.truth import Hidden, Protocol, hide, log_of
+from dynreg.evidence.truth import Hidden, Protocol, hide, log_of, measured_states, recorded
 from dynreg.progress import Progress
 from dynreg.rng import stream_seed
 from dynreg.sim.effects import Term, one_group
@@ -165,7 +165,8 @@ def tried(trials: Trials, todo: Sequence[Trial], needed: Threshold) -> list[Trie
 
     The time that all took is shared out evenly.
     """
-    hidden, logs = zip(*(hidden_log(trials, one) for one in todo), strict=True)
+    made = run(together(_hidden_log(trials, one) for one in todo), threads=trials.threads)
+    hidden, logs = zip(*made, strict=True)
     began, busy = time.perf_counter(), time.process_time()
 
     def diagnosed(one: Trial, recording: Recording) -> Search[Diagnosed]:
@@ -181,12 +182,17 @@ def tried(trials: Trials, todo: Sequence[Trial], needed: Threshold) -> list[Trie
 
 def hidden_log(trials: Trials, one: Trial) -> tuple[Hidden, Recording]:
     """What a trial hides, and its log."""
-    robot = trials.robot
+    return run(_hidden_log(trials, one), threads=trials.threads)
+
+
+def _hidden_log(trials: Trials, one: Trial) -> Search[tuple[Hidden, Recording]]:
+    robot, plan = trials.robot, trials.plan
     if trials.truth == "independent":
         hidden, truth = hide_independent(robot, one.cause, one.size, one.seed)
-        return hidden, independent_log(robot, truth, trials.plan)
+        return hidden, independent_log(robot, truth, plan)
     hidden = hide(robot, one.terms, one.size, one.seed)
-    return hidden, log_of(robot, hidden, trials.plan, engine=trials.truth_engine)
+    states = yield from measured_states(robot, hidden, plan.run, engine=trials.truth_engine)
+    return hidden, recorded(robot, plan, states)
 
 
 def right_names(robot: Robot, hidden: Hidden) -> list[set[str]]:

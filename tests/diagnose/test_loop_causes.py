@@ -22,7 +22,9 @@ COUNTS = (7.0, 24.0)  # of cogging, cycles a turn
 def diagnosed(*todo: Trial) -> list[TrialResult]:
     """What is said of servo benches under the same commands, all in lockstep."""
     robot = load_robot("servo_pendulum")
-    return results_of(Trials(robot, protocol(robot, seed=2), threads=1), todo, Threshold(USUAL, ()))
+    return results_of(
+        Trials(robot, protocol(robot, seed=2, seconds=25.0), threads=1), todo, Threshold(USUAL, ())
+    )
 
 
 def said(results: list[TrialResult]) -> str:
@@ -46,7 +48,7 @@ def test_cogging_is_found_with_the_count_that_it_has(monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr(trials_room, "hide", counting)
     robot = load_robot("servo_pendulum")
-    trials = Trials(robot, protocol(robot, seed=2), threads=1)
+    trials = Trials(robot, protocol(robot, seed=2, seconds=25.0), threads=1)
     todo = [Trial((term("cogging"),), "medium", SEED + i) for i in range(len(COUNTS))]
     for count, one in zip(COUNTS, trials_room.tried(trials, todo, Threshold(USUAL, ())), strict=True):
         point = one.made.found.current

@@ -38,7 +38,9 @@ CASES = [*HIDDEN, *[(None, None)] * NONE]
 def diagnosed(*todo: Trial) -> list[TrialResult]:
     """What is said of servo benches under the same commands, all in lockstep."""
     robot = load_robot("servo_pendulum")
-    return results_of(Trials(robot, protocol(robot, seed=1), threads=1), todo, Threshold(USUAL, ()))
+    return results_of(
+        Trials(robot, protocol(robot, seed=1, seconds=25.0), threads=1), todo, Threshold(USUAL, ())
+    )
 
 
 def hiding(number: int, seed: int) -> Trial:

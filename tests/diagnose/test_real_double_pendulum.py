@@ -10,7 +10,7 @@ from dynreg.data.maps import read_map
 from dynreg.data.recording import Episode, Recording
 from dynreg.sim.robot import load_robot
 
-SECONDS = 4.0  # of each run: a test, not a result
+SECONDS = 2.5  # of each run: a test, not a result
 RUNS = ("C1_143339", "C1_143601", "C1_154220")
 
 

@@ -132,7 +132,7 @@ def test_what_is_left_is_told_of_the_joints_asked_for_alone(engine: str):
     recording = log_of(ARM, hide(ARM, (term("coulomb_friction"),), "strong", 4), plan, engine="joint")
     left = {}
     for joints in (None, ("elbow",), ("jaw", "pitch")):
-        settings = DiagnosisOptions(joints=joints, engine=engine, threads=1, windows=1)
+        settings = DiagnosisOptions(joints=joints, engine=engine, threads=1, windows=1, horizon=0.5)
         model, data = pose(ARM, recording, settings)
         found = run(unexplained(State(model, data.sample(data.fit), model.start, model.start), "unknown"))
         assert all(row.joint == each.joint for each in found for row in each.rows)

@@ -272,6 +272,12 @@ def test_what_no_file_can_say_is_told_with_its_values(key: str, tmp_path: Path) 
     assert f"**{key}** (in neither)" in readme
     for name, value in made.effects[key].items():
         assert f"{name} = {value:.6g}" in readme
+
+
+def test_a_folder_that_leaves_effects_out_passes_the_check(tmp_path: Path) -> None:
+    robot = load_robot("servo_pendulum")
+    written = export_robot(robot, config(robot, *MOVING), tmp_path / "taken").effects
+    assert len(written) == len(MOVING) and not any(one.parameters or one.in_mjcf for one in written)
     assert not check_robot(tmp_path / "taken")
 
 

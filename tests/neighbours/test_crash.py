@@ -19,7 +19,7 @@ def bench() -> Iterator[ModuleType]:
     sys.path.remove(str(BENCHMARKS))
 
 
-@pytest.mark.parametrize("kills", [5, pytest.param(25, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kills", [3, pytest.param(25, marks=pytest.mark.slow)])
 def test_a_killed_populate_leaves_a_sound_registry_and_ends_as_an_undisturbed_one(bench, tmp_path, kills):
     died, after = bench.endure_kills(tmp_path, kills, shard_size=5, entries=5 * kills)
     assert len(died) == kills and all(kill.clean for kill in died)

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from dynreg.sim.effects import Effect, Term, Terms
+from dynreg.sim.effects import Effect, Term, Terms, effects
 from dynreg.sim.effects.body import at_reset, carrier, driven_dofs, lever
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation, reset_pose
@@ -50,6 +50,19 @@ class Bench:
 def plain(bench: Bench) -> np.ndarray:
     """(E, T+1, S) states of the bench without effects."""
     return bench.states({})[0]
+
+
+@cache
+def together(bench: Bench, size: str | float) -> dict[Effect, np.ndarray]:
+    """(E, T+1, C) of each effect of the library that the bench can have, at one size: all of them in one batch."""
+    able = [e for e in effects().values() if e.why_not(bench.robot) is None]
+    return dict(zip(able, bench.changes(*({e: size} for e in able)), strict=True))
+
+
+@cache
+def fine(bench: Bench) -> Bench:
+    """The same in time steps of an eighth."""
+    return replace(bench, name=f"{bench.name}, fine", robot=bench.robot.stepped(8.0))
 
 
 @cache
@@ -148,12 +161,12 @@ def unit_of(robot: Robot, per: str) -> float:
 
 def mixed(robot: Robot, rows: Sequence[Row]) -> Terms:
     """Terms of one simulator for each row."""
-    effects = list({e: None for row in rows for e in row})
+    every = list({e: None for row in rows for e in row})
     columns = []
-    for e in effects:
+    for e in every:
         absent = np.full(len(e.parameters), np.nan)
         columns.append(np.array([values_at(e, robot, row[e]) if e in row else absent for row in rows]))
-    return Terms(tuple(Term(e, e.places(robot)[0]) for e in effects), tuple(columns))
+    return Terms(tuple(Term(e, e.places(robot)[0]) for e in every), tuple(columns))
 
 
 def rms(change: np.ndarray) -> float:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from trials_of_truths import commands_of, places, plan_of, simulated, told
+from trials_of_truths import commands_of, places, plain, plan_of, simulated, told
 
 from dynreg.errors import UsageError
 from dynreg.evidence.hypothesis import Coordinates
@@ -34,8 +34,8 @@ def test_with_nothing_hidden_both_codes_agree(name):
 def changes(name: str, cause: str, size: str = "medium") -> tuple[np.ndarray, np.ndarray]:
     """What the cause changes in the truth, and what the library's effect of the same values does."""
     values, at = sized(name, cause, size, 1), places(name)
-    own = told(name, cause, values) - told(name)
-    other = simulated(name, cause, values) - simulated(name)
+    own, other = told(name, cause, values), simulated(name, cause, values)
+    own, other = (changed - usual for changed, usual in zip((own, other), plain(name), strict=True))
     return own[..., at].ravel(), other[..., at].ravel()
 
 

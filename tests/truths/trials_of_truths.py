@@ -47,6 +47,12 @@ def simulated(name: str, key: str | None = None, values: dict | None = None, epi
     return rollout(finer(robot), robot.space.nominal[None], plan.run, terms=terms, threads=1).states[0]
 
 
+@cache
+def plain(name: str) -> tuple[np.ndarray, np.ndarray]:
+    """What both say where nothing is hidden: `told` and `simulated`."""
+    return told(name), simulated(name)
+
+
 def places(name: str) -> np.ndarray:
     """(S,) whether a channel is an angle or a place, not a speed."""
     return np.array([not channel.endswith("velocity") for channel in load_robot(name).channels])

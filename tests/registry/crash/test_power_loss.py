@@ -20,7 +20,7 @@ import dynreg.registry.disk as disk
 from dynreg.errors import RegistryError
 from dynreg.registry import verify
 
-STATES, REFUSED = 20, 12  # of each scenario, about
+STATES, REFUSED = 10, 6  # of each scenario, about
 
 
 @pytest.fixture(autouse=True)

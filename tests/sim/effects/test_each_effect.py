@@ -1,11 +1,10 @@
 """Laws that hold for every effect of the library."""
 
-from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 import pytest
-from effect_benches import Bench, bench, plain, rms
+from effect_benches import Bench, bench, fine, plain, rms, together
 
 from dynreg.sim.effects import Effect, effects
 
@@ -31,7 +30,7 @@ def _benches(effect: Effect, *names: str) -> list[Bench]:
 def test_half_of_a_small_size_is_half_the_change(effect: Effect):
     """Nothing at size zero, and a slope there that a fit can follow (small is 2 % of the weak size)."""
     for b in _benches(effect, "servo_short", "air", "lean", "wheels") or _benches(effect, "arm"):
-        half, whole, weak = (rms(c) for c in b.changes({effect: 0.01}, {effect: 0.02}, {effect: 1.0}))
+        half, whole, weak = (rms(together(b, size)[effect]) for size in (0.01, 0.02, 1.0))
         assert whole <= 0.2 * weak, b.name
         if (
             half > 1e-12
@@ -46,7 +45,7 @@ def test_a_strong_effect_is_seen(effect: Effect):
     """On at least one bench some channel moves by several times its sensor noise."""
     most = 0.0
     for b in _benches(effect, "servo", "arm", "stand", "lean", "wheels"):
-        change = b.changes({effect: "strong"})[0]
+        change = together(b, "strong")[effect]
         assert np.isfinite(change).all()
         noise = np.array([c.noise for c in b.robot.file.channels])[b.columns]
         most = max(most, float((np.sqrt((change**2).mean(axis=(0, 1))) / noise).max()))
@@ -60,9 +59,12 @@ def test_engines_agree_on_the_change_that_an_effect_makes(effect: Effect, size: 
     benches = [bench(name) for name in (drive, f"{drive}_mujoco")]
     if effect.why_not(benches[0].robot):
         pytest.skip("not on this drive")
-    if (effect.id, size) in FLANKS or drive == "pid":  # whose integral adds up what a time step is off
-        benches = [replace(b, name=f"{b.name}, fine", robot=b.robot.stepped(8.0)) for b in benches]
-    joint, mujoco = (b.changes({effect: size}) for b in benches)
+    if drive == "pid":  # whose integral adds up what a time step is off
+        benches = [fine(b) for b in benches]
+    if (effect.id, size) in FLANKS and drive != "pid":
+        joint, mujoco = (fine(b).changes({effect: size})[0] for b in benches)
+    else:
+        joint, mujoco = (together(b, size)[effect] for b in benches)
     assert rms(joint - mujoco) < AGREEMENT * rms(joint)
 
 
