@@ -17,8 +17,9 @@ LEAST = 160  # entries that are judged in any case,
 SETTLED = 2  # and rounds that must leave the nearest ones as they are, before the search ends
 SETTLED_ON = 5  # nearest ones that are watched
 AROUND = 8  # of the best, whose mean embedding says which others are worth foreseeing,
-NEAR = 300  # so many of the others
+NEAR = 500  # so many of the others
 FEATURES = 64  # sequences of the recording on which misses are foreseen
+WILD = 10.0  # times the base model's error: a model that misses more says nothing of the others
 RIDGE = 1.0  # in units of the mean variance of an embedding's coordinates, summed over the entries
 
 Missed = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -34,17 +35,14 @@ def seek(vectors: np.ndarray, missed: Missed, wanted: int, rng: np.random.Genera
     new = np.sort(rng.permutation(len(vectors))[:FIRST])
     ids, far, misses = new[:0], np.zeros(0), np.zeros((0, 0), dtype=np.float32)
     left = np.ones(len(vectors), dtype=bool)
-    settled = 0
+    best, settled = far, 0
     while len(new):
         miss, distance = missed(new)
         left[new] = False
         misses = np.concatenate([misses, miss]) if len(ids) else miss
-        before, ids, far = (
-            np.sort(far)[:SETTLED_ON],
-            np.concatenate([ids, new]),
-            np.concatenate([far, distance]),
-        )
-        settled = settled + 1 if np.array_equal(before, np.sort(far)[:SETTLED_ON]) else 0
+        ids, far = np.concatenate([ids, new]), np.concatenate([far, distance])
+        before, best = best, np.sort(far)[:SETTLED_ON]
+        settled = settled + 1 if np.array_equal(before, best) and np.isfinite(best[0]) else 0
         if len(ids) >= max(LEAST, wanted) and settled >= SETTLED:
             break
         new = _next(vectors, ids, misses, far, np.flatnonzero(left))
@@ -55,11 +53,11 @@ def _next(
     vectors: np.ndarray, ids: np.ndarray, misses: np.ndarray, far: np.ndarray, others: np.ndarray
 ) -> np.ndarray:
     """Those of `others` that are foreseen to miss least, by what the judged `ids` (m,) missed (m, F)."""
-    sound = np.isfinite(far)
+    sound = far < WILD
+    if not sound.any() or not len(others):
+        return others[:ROUND]
     if not sound.all():
         ids, misses, far = ids[sound], misses[sound], far[sound]
-    if not len(ids):
-        return others[:ROUND]
     centre = vectors[ids[np.argsort(far, kind="stable")[:AROUND]]].mean(axis=0)
     apart = np.square(vectors[others] - centre).sum(axis=1)
     near = others[np.sort(np.argsort(apart, kind="stable")[:NEAR])]

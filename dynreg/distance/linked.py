@@ -51,11 +51,13 @@ def _rank(
     some = thin(len(x), JUDGED_ON, population.shared.seed, "query held")
     x, y = x[some], y[some]
     to = distance.query(asked.model, x, y, float(losses(asked.model, x, y)[0]))
+    walked = 0
     if not asked.exact:
         found = _walked(asked, to, as_printed)
         if len(found.order) >= asked.at_least:
             return found
-    return in_order(asked.allowed, to(asked.allowed), len(asked.allowed))
+        walked = found.evaluations  # asked for in vain, but asked for
+    return in_order(asked.allowed, to(asked.allowed), walked + len(asked.allowed))
 
 
 def _walked(asked: DistanceQuery, to: To, as_printed: bool) -> Ranked:
