@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynreg.distance.ahead import Ahead
-from dynreg.distance.foreseen import FEATURES, seek
+from dynreg.distance.foreseen import Effort, seek
 from dynreg.distance.query import DistanceQuery, Ranked, in_order
 from dynreg.distance.rows import Rows, thin
 from dynreg.errors import LogError
@@ -18,6 +18,11 @@ BATCH = 50  # models at once where all are judged,
 PART = 4  # and where the nearest are sought: cores share some 30 models
 QUERY_ROWS = 200  # sequences of the recording on which every entry's model is judged,
 AHEAD = 2  # steps long each
+FORESEEN = 64  # of these sequences, on which misses are foreseen
+FIRST = 32  # random entries that are judged before anything is foreseen
+EFFORT = Effort(least=160, near=500, ridge=1.0)
+"""By ten quadrupeds that report nothing, among 10,000, three draws each: recall@5 0.99 with 202 judged. With 300 near
+0.95; a walk over the graph 0.92 with 361, 0.97 with 465."""
 
 
 def rank(asked: DistanceQuery) -> Ranked:
@@ -35,7 +40,7 @@ def rank(asked: DistanceQuery) -> Ranked:
 def sought(asked: DistanceQuery, judge: "Judge") -> Ranked:
     """The entries that are judged on the way to the nearest, nearest first; see `foreseen.seek`."""
     population, allowed = asked.population, asked.allowed
-    some = thin(len(judge.ahead.inputs), FEATURES, population.shared.seed, "foreseen")
+    some = thin(len(judge.ahead.inputs), FORESEEN, population.shared.seed, "foreseen")
     with worker_pool(asked.threads or available_threads()) as pool:
 
         def missed(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -43,8 +48,9 @@ def sought(asked: DistanceQuery, judge: "Judge") -> Ranked:
             found = np.concatenate([*pool.map(lambda part: judge.missed(population.stack[part]), parts)])
             return found[:, some].reshape(len(found), -1), distances(found)
 
-        rng, wanted = stream(population.shared.seed, "seek"), max(asked.wanted, asked.at_least)
-        found = seek(population.vectors[allowed], missed, wanted, rng)
+        first = stream(population.shared.seed, "seek").permutation(len(allowed))[:FIRST]
+        wanted = max(asked.wanted, asked.at_least)
+        found = seek(population.vectors[allowed], missed, wanted, first, EFFORT)
     return Ranked(allowed[found.order], found.distance, found.evaluations)
 
 

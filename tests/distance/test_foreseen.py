@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dynreg.distance.foreseen import seek
+from dynreg.distance.foreseen import Effort, seek
 from dynreg.rng import stream
 
 N, DIMENSIONS, FEATURES = 2000, 12, 40
@@ -30,7 +30,8 @@ class Planted:
         return self.misses[ids], self.far[ids]
 
     def found(self, wanted: int = 1, n: int = N):
-        return seek(self.vectors[:n], self.missed, wanted, stream(0, "seek"))
+        first = stream(0, "seek").permutation(n)[:32]
+        return seek(self.vectors[:n], self.missed, wanted, first, Effort(least=160, near=500, ridge=1.0))
 
 
 @pytest.mark.parametrize("lost", [0.0, 0.5])

@@ -9,7 +9,7 @@ import secret_servo
 from secret_servo import ENTRIES, TRAINING
 
 from dynreg import session
-from dynreg.distance import foreseen, query
+from dynreg.distance import one_sided, query
 from dynreg.distance.query import DistanceQuery
 from dynreg.distance.table import DISTANCES
 from dynreg.errors import CorruptError
@@ -22,8 +22,8 @@ from dynreg.verbs.populations import load_graph, load_population
 def walking(monkeypatch):
     """Searches are worth it from five entries on, and judge eight at least."""
     monkeypatch.setattr(query, "JUDGED_ALL", 4)
-    for name, few in {"FIRST": 4, "ROUND": 4, "LEAST": 8}.items():
-        monkeypatch.setattr(foreseen, name, few)
+    monkeypatch.setattr(one_sided, "FIRST", 4)
+    monkeypatch.setattr(one_sided, "EFFORT", replace(one_sided.EFFORT, least=8, each=4))
 
 
 @pytest.fixture
