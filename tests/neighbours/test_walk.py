@@ -9,7 +9,7 @@ import secret_servo
 from secret_servo import ENTRIES, TRAINING
 
 from dynreg import session
-from dynreg.distance import one_sided, query
+from dynreg.distance import linked, one_sided, query
 from dynreg.distance.query import DistanceQuery
 from dynreg.distance.table import DISTANCES
 from dynreg.errors import CorruptError
@@ -23,7 +23,10 @@ def walking(monkeypatch):
     """Searches are worth it from five entries on, and judge eight at least."""
     monkeypatch.setattr(query, "JUDGED_ALL", 4)
     monkeypatch.setattr(one_sided, "FIRST", 4)
-    monkeypatch.setattr(one_sided, "EFFORT", replace(one_sided.EFFORT, least=8, each=4))
+    for name in ("HUBS", "LIKE", "RANDOM"):
+        monkeypatch.setattr(linked, name, 2)
+    for searched in (one_sided, linked):
+        monkeypatch.setattr(searched, "EFFORT", replace(searched.EFFORT, least=8, each=4))
 
 
 @pytest.fixture
