@@ -70,6 +70,11 @@ def test_no_more_models_are_read_than_are_counted(servos, walking, how):
     assert models.read == found.evaluations, "vectors are in the index"
 
 
+def test_a_walk_that_finds_too_few_is_counted_beside_all_that_are_judged_then(servos):
+    found = DISTANCES["cross_loss_printed"].rank(asked(servos, 1, at_least=ENTRIES))
+    assert found.evaluations > len(found.order) == ENTRIES
+
+
 def test_a_walk_is_the_same_on_any_number_of_threads(servos, walking):
     one, three = (DISTANCES["one_sided"].rank(asked(servos, 2, threads=n)) for n in (1, 3))
     np.testing.assert_array_equal(one.order, three.order)
