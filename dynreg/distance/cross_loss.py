@@ -78,13 +78,13 @@ class CrossLoss:
         return len(self.own)
 
     def pairs(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """(Q,) distances of pairs of entries, in one batched call."""
+        """(Q,) distances of pairs of entries, in one batched call; infinite where a prediction is no number."""
         a, b = np.asarray(a, dtype=np.int64), np.asarray(b, dtype=np.int64)
         ids, at = np.unique(np.concatenate([a, b]), return_inverse=True)
         if not len(ids):
             return np.zeros(0)
         found = self._bank(ids).pairs(at, np.concatenate([at[len(a) :], at[: len(a)]]))
-        return (found[: len(a)] + found[len(a) :]) / (self.own[a] + self.own[b])
+        return _far((found[: len(a)] + found[len(a) :]) / (self.own[a] + self.own[b]))
 
     def matrix(self) -> np.ndarray:
         """(M, M) all distances: the oracle."""
@@ -96,13 +96,13 @@ class CrossLoss:
     ) -> Callable[[np.ndarray], np.ndarray]:
         """The distances of a recording with its own model (one), rows (N, D), (N, S) and own loss.
 
-        Returns a callable: entry ids (m,) -> (m,) distances.
+        Returns a callable: entry ids (m,) -> (m,) distances, infinite where a prediction is no number.
         """
 
         def some(ids: np.ndarray) -> np.ndarray:
             bank = self._bank(ids)
             theirs, mine = bank.of_set(inputs, targets), bank.of_model(model)
-            return (theirs + mine) / (own + self.own[ids])
+            return _far((theirs + mine) / (own + self.own[ids]))
 
         def to(ids: np.ndarray) -> np.ndarray:
             parts = [some(ids[i : i + BATCH]) for i in range(0, len(ids), BATCH)]
@@ -112,3 +112,8 @@ class CrossLoss:
 
     def _bank(self, ids: np.ndarray) -> LossBank:
         return LossBank(self.stack[ids], self.inputs[ids], self.targets[ids], threads=self.threads)
+
+
+def _far(distance: np.ndarray) -> np.ndarray:
+    """Distances, infinite where they are no number: a model that diverges is near to nobody."""
+    return np.where(np.isnan(distance), np.inf, distance)

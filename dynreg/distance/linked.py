@@ -1,17 +1,29 @@
-"""The paper's cross-loss, searched for on the degree-capped graph of the entries (D, Algorithm 1)."""
+"""The paper's cross-loss (D): its nearest by foreseeing, or as printed, by a walk over the graph (Algorithm 1).
+
+Who is near to a recording by cross-loss is less its likeness than an entry's own: some, hubs, are near to everybody
+(measured: of the five nearest of a quadruped among 10,000, one in eight is among its 50 nearest by embedding, three
+in eight among the 50 entries whose links are shortest). A graph with more links or more candidates for them finds no
+more of them, so the search knows of each entry how long its links are, beside its embedding and its own loss.
+"""
 
 import numpy as np
 
 from dynreg.distance.cross_loss import JUDGED_ON, CrossLoss
+from dynreg.distance.foreseen import Effort, seek
 from dynreg.distance.query import DistanceQuery, Ranked, in_order
 from dynreg.distance.rows import thin
 from dynreg.errors import UsageError
-from dynreg.index import To, search, search_printed
+from dynreg.index import Graph, To, search_printed
 from dynreg.models.losses import losses
 from dynreg.models.threads import single_threaded
 from dynreg.rng import stream
 
-REACHED = 50  # entries that a search of the graph keeps
+HUBS, LIKE, RANDOM = 32, 16, 16  # entries that are judged first: hubs, the nearest by embedding, any
+HUBBINESS = 3.0  # how much the length of an entry's links counts beside its own loss and its whole embedding
+TOLD = 3.0  # how far an entry is that is farther, where others are foreseen
+EFFORT = Effort(least=400, near=2**31, ridge=0.3)
+"""By twelve quadrupeds that report nothing, among 10,000: recall@5 0.92 with 434 judged, 0.88 with 341, 0.97 with 802;
+a walk over the graph 0.63 with 568, 0.73 with 760."""
 
 
 def held_out(asked: DistanceQuery) -> Ranked:
@@ -51,20 +63,48 @@ def _rank(
     some = thin(len(x), JUDGED_ON, population.shared.seed, "query held")
     x, y = x[some], y[some]
     to = distance.query(asked.model, x, y, float(losses(asked.model, x, y)[0]))
+    walked = 0
     if not asked.exact:
-        found = _walked(asked, to, as_printed)
+        with single_threaded():  # a step asks for too little to share among cores
+            found = _printed(asked, to) if as_printed else _sought(asked, to, distance.own)
         if len(found.order) >= asked.at_least:
             return found
-    return in_order(asked.allowed, to(asked.allowed), len(asked.allowed))
+        walked = found.evaluations  # asked for in vain, but asked for
+    return in_order(asked.allowed, to(asked.allowed), walked + len(asked.allowed))
 
 
-def _walked(asked: DistanceQuery, to: To, as_printed: bool) -> Ranked:
-    graph, rng = asked.population.graph, stream(asked.population.shared.seed, "search")
-    with single_threaded():  # a step asks for too little to share among cores
-        if as_printed:
-            found = search_printed(graph, to, max(5, asked.wanted), rng, restarts=4)
-        else:
-            kept = min(max(REACHED, asked.wanted, asked.at_least), len(asked.allowed))
-            found = search(graph, to, kept, rng, ef=kept, among=asked.allowed)
+def _printed(asked: DistanceQuery, to: To) -> Ranked:
+    rng = stream(asked.population.shared.seed, "search")
+    found = search_printed(asked.population.graph, to, max(5, asked.wanted), rng, restarts=4)
     keep = np.isin(found.ids, asked.allowed)
     return Ranked(found.ids[keep], found.distances[keep], found.evaluations)
+
+
+def _sought(asked: DistanceQuery, to: To, own: np.ndarray) -> Ranked:
+    """The entries that are judged on the way to the nearest; see `foreseen.seek`."""
+    allowed, vectors = asked.allowed, asked.population.vectors[asked.allowed]
+    hub = link_lengths(asked.population.graph)[allowed]
+    spread = np.sqrt(vectors.var(axis=0).sum()) + 1e-9
+    places = np.column_stack([vectors / spread, own[allowed], HUBBINESS * hub])
+    like = np.square(vectors - asked.vector).sum(axis=1)
+    drawn = stream(asked.population.shared.seed, "search").permutation(len(allowed))
+    starts = (np.argsort(hub, kind="stable")[:HUBS], np.argsort(like, kind="stable")[:LIKE], drawn[:RANDOM])
+
+    def missed(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        far = to(allowed[at])
+        return np.minimum(far, TOLD)[:, None].astype(np.float32), far
+
+    found = seek(places, missed, max(asked.wanted, asked.at_least), np.concatenate(starts), EFFORT)
+    return Ranked(allowed[found.order], found.distance, found.evaluations)
+
+
+def link_lengths(graph: Graph) -> np.ndarray:
+    """(M,) medians of the lengths of each entry's links: short for hubs, which are near to everybody."""
+    found = np.array([np.median(known) if len(known) else np.inf for known in _measured(graph)])
+    known = np.isfinite(found)
+    return np.where(known, found, np.median(found[known]) if known.any() else 0.0)
+
+
+def _measured(graph: Graph) -> list[np.ndarray]:
+    """The lengths of each entry's links that were measured."""
+    return [lengths[np.isfinite(lengths)] for lengths in graph.lengths]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy import ndarray
 
 from dynreg.errors import UsageError
-from dynreg.models.forward import TILE, Forward, Layers
+from dynreg.models.forward import TILE, Forward, Layers, layers
 from dynreg.models.mlp import MlpStack
 from dynreg.models.rows import checked_rows
 from dynreg.models.threads import available_threads, in_threads
@@ -119,14 +119,11 @@ class LossBank:
         return self._run(self._layers(stack), self._sets, np.zeros_like(ids), ids)
 
     def _layers(self, stack: MlpStack) -> list[Layers]:
-        import torch
-
         if stack.sizes != self.sizes:
             raise UsageError(
                 f"models of sizes {stack.sizes}", expected=f"{self.sizes}", do="keep to one population"
             )
-        arrays = [torch.tensor(a, device=self.device).unbind(0) for a in (*stack.weights, *stack.biases)]
-        return list(zip(*arrays, strict=True))
+        return layers(stack, self.device)
 
     def _data_sets(self, inputs: ndarray, targets: ndarray) -> list[DataSet]:
         import torch

@@ -6,11 +6,21 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy import ndarray
 
+from dynreg.models.mlp import MlpStack
+
 if TYPE_CHECKING:
     import torch
 
 Layers: TypeAlias = "tuple[torch.Tensor, ...]"  # four weights (in, out), then four biases (out,)
 TILE = 256  # rows at once: their activations stay in the cache of one core
+
+
+def layers(stack: MlpStack, device: str) -> list[Layers]:
+    """Weights and biases of every model of a stack as tensors."""
+    import torch
+
+    arrays = [torch.tensor(a, device=device).unbind(0) for a in (*stack.weights, *stack.biases)]
+    return list(zip(*arrays, strict=True))
 
 
 class Forward:

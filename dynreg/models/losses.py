@@ -5,7 +5,7 @@ from numpy import ndarray
 
 from dynreg.errors import UsageError
 from dynreg.models.bank import WORTH_A_THREAD, LossBank
-from dynreg.models.forward import TILE, Forward
+from dynreg.models.forward import TILE, Forward, layers
 from dynreg.models.mlp import MlpStack
 from dynreg.models.rows import checked_inputs, checked_rows
 from dynreg.models.threads import available_threads, in_threads
@@ -18,14 +18,11 @@ class Predictor:
     """
 
     def __init__(self, stack: MlpStack, *, threads: int | None = None, device: str | None = None):
-        import torch
-
         from dynreg.models.network import choose_device
 
         self.sizes, self.device = stack.sizes, choose_device(device)
         self.threads = (threads or available_threads()) if self.device == "cpu" else 1
-        layers = [torch.tensor(a, device=self.device).unbind(0) for a in (*stack.weights, *stack.biases)]
-        self._models = list(zip(*layers, strict=True))
+        self._models = layers(stack, self.device)
 
     def __len__(self) -> int:
         return len(self._models)

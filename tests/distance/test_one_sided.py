@@ -72,3 +72,11 @@ def test_two_steps_ahead_the_model_runs_on_its_own_prediction():
     found = one_sided(entries, base, np.stack(inputs, 1), np.stack(targets, 1), plain)
     assert found[1] < 1e-4
     assert found[0] > 0.5 and found[2] > 0.5
+
+
+def test_a_model_that_predicts_no_number_is_infinitely_far_and_the_others_are_not():
+    direction = np.array([1.0, -0.5, 0.2])
+    base, entries = family(direction, np.array([0.0, np.nan, 1.0]))
+    x, y = robot_rows(base, direction, 1.0)
+    found = one_sided(entries, base, x[:, None], y[:, None], PLAIN)
+    np.testing.assert_array_equal(np.isinf(found), [False, True, False])

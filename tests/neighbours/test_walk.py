@@ -9,7 +9,7 @@ import secret_servo
 from secret_servo import ENTRIES, TRAINING
 
 from dynreg import session
-from dynreg.distance import one_sided, query
+from dynreg.distance import linked, one_sided, query
 from dynreg.distance.query import DistanceQuery
 from dynreg.distance.table import DISTANCES
 from dynreg.errors import CorruptError
@@ -20,9 +20,13 @@ from dynreg.verbs.populations import load_graph, load_population
 
 @pytest.fixture
 def walking(monkeypatch):
-    """Walks are worth it from five entries on, and keep eight."""
+    """Searches are worth it from five entries on, and judge eight at least."""
     monkeypatch.setattr(query, "JUDGED_ALL", 4)
-    monkeypatch.setattr(one_sided, "KEPT", 8)
+    monkeypatch.setattr(one_sided, "FIRST", 4)
+    for name in ("HUBS", "LIKE", "RANDOM"):
+        monkeypatch.setattr(linked, name, 2)
+    for searched in (one_sided, linked):
+        monkeypatch.setattr(searched, "EFFORT", replace(searched.EFFORT, least=8, each=4))
 
 
 @pytest.fixture
@@ -64,6 +68,11 @@ def test_no_more_models_are_read_than_are_counted(servos, walking, how):
     assert len(found.order) >= how.get("wanted", 8)
     DISTANCES["embedding"].rank(given)
     assert models.read == found.evaluations, "vectors are in the index"
+
+
+def test_a_walk_that_finds_too_few_is_counted_beside_all_that_are_judged_then(servos):
+    found = DISTANCES["cross_loss_printed"].rank(asked(servos, 1, at_least=ENTRIES))
+    assert found.evaluations > len(found.order) == ENTRIES
 
 
 def test_a_walk_is_the_same_on_any_number_of_threads(servos, walking):

@@ -1,0 +1,69 @@
+"""The nearest are found by judging few, whatever some models predict; nobody is judged twice."""
+
+import numpy as np
+import pytest
+
+from dynreg.distance.foreseen import Effort, seek
+from dynreg.rng import stream
+
+N, DIMENSIONS, FEATURES = 2000, 12, 40
+
+
+class Planted:
+    """Entries whose misses are nearly linear in their vectors; the query is where they miss nothing but noise."""
+
+    def __init__(self, seed: int, lost: float = 0.0):
+        rng = stream(seed, "planted misses")
+        self.vectors = rng.normal(size=(N, DIMENSIONS))
+        slope = rng.normal(size=(DIMENSIONS, FEATURES)) / FEATURES
+        level = 0.7 * rng.normal(size=DIMENSIONS) @ slope
+        self.misses = (self.vectors @ slope - level + 0.002 * rng.normal(size=(N, FEATURES))).astype(
+            np.float32
+        )
+        self.misses[rng.random(N) < lost] = np.nan
+        far = np.abs(self.misses).sum(axis=1, dtype=float)
+        self.far = np.where(np.isnan(far), np.inf, far)
+        self.asked: list[int] = []
+
+    def missed(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        self.asked += ids.tolist()
+        return self.misses[ids], self.far[ids]
+
+    def found(self, wanted: int = 1, n: int = N):
+        first = stream(0, "seek").permutation(n)[:32]
+        return seek(self.vectors[:n], self.missed, wanted, first, Effort(least=160, near=500, ridge=1.0))
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.5])
+def test_the_nearest_are_found_by_judging_few_and_those_without_a_number_are_last(lost):
+    recalls = []
+    for seed in range(8):
+        planted = Planted(seed, lost)
+        found = planted.found()
+        recalls.append(np.isin(np.argsort(planted.far, kind="stable")[:5], found.order[:5]).mean())
+        assert found.evaluations < N / 5 and (np.diff(found.distance[np.isfinite(found.distance)]) >= 0).all()
+        np.testing.assert_array_equal(found.distance, planted.far[found.order])
+    assert np.mean(recalls) >= 0.95
+
+
+def test_each_is_judged_once_and_all_that_are_judged_are_told():
+    planted = Planted(1)
+    found = planted.found()
+    assert sorted(planted.asked) == sorted(found.order.tolist())
+    assert len(set(planted.asked)) == len(planted.asked) == found.evaluations
+
+
+@pytest.mark.parametrize(("wanted", "n"), [(500, N), (1, 20), (50, 20), (1, 0)])
+def test_as_many_are_judged_as_are_wanted_where_there_are_so_many(wanted, n):
+    found = Planted(2).found(wanted, n)
+    assert min(wanted, n) <= len(found.order) <= n
+
+
+def test_entries_that_all_predict_no_number_are_all_judged_and_none_is_near():
+    planted = Planted(3, lost=1.1)
+    assert np.isinf(planted.found(n=200).distance).all() and len(planted.asked) == 200
+
+
+def test_the_same_draws_find_the_same():
+    one, other = Planted(4).found(), Planted(4).found()
+    np.testing.assert_array_equal(one.order, other.order)
