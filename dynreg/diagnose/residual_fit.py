@@ -105,14 +105,13 @@ def fit_residual(residuals: Residuals, *, seed: int = 0) -> ResidualFit:
     The regression is the better of ridge (with squares and absolute values) and gradient-boosted trees. Folds are
     trajectories, or blocks of rows if there are fewer than 8 trajectories.
     """
-    import sklearn.ensemble  # limits reach only what is loaded
+    import sklearn.ensemble  # noqa: F401  - limits reach only what is loaded
     from threadpoolctl import threadpool_limits
 
-    unchecked = sklearn.config_context(assume_finite=True, skip_parameter_validation=True)
     joint, (y, table, names, block) = residuals.joint, _rows(residuals)
     numbers, at = np.unique(block, return_inverse=True)
     told, null, share = 0.0, 0.0, {}
-    with threadpool_limits(1), unchecked:  # threads and checks slow such small fits down
+    with threadpool_limits(1):  # threads slow such small fits down
         if len(y) >= FEWEST and names and np.std(y) > 0 and len(numbers) >= FOLDS:
             order = stream(seed, "leftover folds", joint).permutation(len(numbers))
             judge = _Judge(y, table, order[at] % FOLDS, seed)  # a block is in one fold only
@@ -160,8 +159,7 @@ class _Judge:
 
     @staticmethod
     def _ridge(x: np.ndarray, y: np.ndarray, ask: np.ndarray) -> np.ndarray:
-        """Ridge with a penalty of 1, by its normal equations, as scikit-learn solves it, without its checks."""
-        from scipy.linalg import solve
+        from sklearn.linear_model import Ridge
 
         known = np.isfinite(x)
         count = np.maximum(
@@ -174,11 +172,7 @@ class _Judge:
             z = np.clip(np.nan_to_num((a - mean) / size), -FARTHEST, FARTHEST)
             return np.concatenate([z, z * np.abs(z), z**2, np.abs(z)], axis=1)
 
-        seen, level = features(x), y.mean()
-        middle = seen.mean(axis=0)
-        seen -= middle
-        weights = solve(seen.T @ seen + np.eye(seen.shape[1]), seen.T @ (y - level), assume_a="pos")
-        return features(ask) @ weights + (level - middle @ weights)
+        return Ridge(alpha=1.0).fit(features(x), y).predict(features(ask))
 
     def _trees(self, x: np.ndarray, y: np.ndarray, ask: np.ndarray) -> np.ndarray:
         from sklearn.ensemble import HistGradientBoostingRegressor
