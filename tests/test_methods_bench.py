@@ -7,6 +7,8 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+import dynreg
+
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 
 
@@ -49,7 +51,7 @@ def test_robots_outside_hide_each_another_cause_and_those_inside_none(bench_meth
 def test_a_name_is_right_where_no_command_tells_it_from_the_hidden_cause(bench_methods: ModuleType) -> None:
     secret = bench_methods.Secret("servo_pendulum", "outside", 0, 12.5, "torque_limit", 5)
     hidden, log = secret.log()
-    robot = bench_methods.load_robot("servo_pendulum")
+    robot = bench_methods.described("servo_pendulum")
     assert bench_methods.named(robot, hidden, ["duty_limit"]) == "right", "no command tells the two apart"
     assert bench_methods.named(robot, hidden, ["backlash"]) == "wrong"
     assert bench_methods.named(robot, hidden, []) == "none"
@@ -70,3 +72,41 @@ def test_a_small_run_keeps_no_table(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     assert (
         keep(path, {"a": 1}, parser, parser.parse_args(["--threads", "1"])) and '"a": 1' in path.read_text()
     )
+
+
+@pytest.fixture(scope="module")
+def small_table(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, str], dict]:
+    """{(hidden, method): line} of two servos, one of which hides a friction that grows with the load."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(BENCHMARKS)
+        import bench_methods
+    asked = ["nearest", "synthesis", "diagnose"]
+    given = argparse.Namespace(methods=asked, threads=1, quick=True, slow=False)
+    hidden = (("in the family", None, 11), ("outside", "load_friction", 12))
+    with dynreg.open(tmp_path_factory.mktemp("small") / "registry") as session:
+        session.populate("servo_pendulum", 24, seed=3, threads=1)
+        lines = [
+            line
+            for kind, cause, seed in hidden
+            for line in bench_methods.answers(
+                session, bench_methods.Secret("servo_pendulum", kind, 0, 25.0, cause, seed), given, set()
+            )
+        ]
+    return {(line["hidden"], line["method"]): line for line in lines}
+
+
+def test_only_a_diagnosis_comes_near_a_servo_outside_of_the_family(small_table: dict) -> None:
+    share = {key: line["share"] for key, line in small_table.items()}
+    outside = {m: share["outside", m] for m in ("nearest", "synthesis", "diagnose")}
+    assert outside["diagnose"] < 0.5 and outside["diagnose"] < 0.5 * min(
+        outside["nearest"], outside["synthesis"]
+    )
+    inside = {m: share["in the family", m] for m in outside}
+    assert max(inside["diagnose"], inside["synthesis"]) < 0.5, "the model has all that this robot has"
+    assert inside["nearest"] > inside["synthesis"], "a registered simulator as it is does not fit"
+
+
+def test_only_a_diagnosis_names_the_cause_and_none_where_there_is_none(small_table: dict) -> None:
+    told = {key: line["told"] for key, line in small_table.items()}
+    assert told["outside", "diagnose"] == "right" and told["in the family", "diagnose"] == "none"
+    assert {told[kind, m] for kind, m in told if m != "diagnose"} == {None}
