@@ -2,15 +2,15 @@
 
 Two quadrupeds in MuJoCo alone (`plain_quadruped`). The pads of one's left feet are worn: half of their friction is
 lost, which no parameter of the simulator states. The other hides nothing. Otherwise the nameplate is good. Back to
-Reality is given 190 trials on each, and a share of its published simulations (`--scale`). Then the same robot plays one
-log, standing and trotting (10 episodes of 1.7 s, and six that are held out), and `diagnose` reads it twice: once it
-begins with the nominal simulator, once with that of Back to Reality.
+Reality is given 190 trials on each, and a share of its published simulations (`--scale`). Then the same robot plays
+one log, standing and trotting: eight episodes of 1.7 s, and six that are held out. `diagnose` reads it twice: once it
+begins with the nominal simulator, once with that of Back to Reality. It is asked for eight causes of the robot as a
+whole. A cause counts where it passes the threshold of `bench-naming_quadruped`.
 
 A parameter has moved by a share of its range. It has moved away where it is further from the robot's own than the
-nameplate was. It is asked for eight causes of the
-robot as a whole. A cause counts where it passes the threshold of `bench-naming_quadruped`. The simulators are held against
-each other by the replay error of the held-out episodes, and by 20 fixed gaits that were tried on the robot: mean
-difference of scores, and Spearman's correlation. Each finished step is a line of the journal.
+nameplate was. The simulators are held against each other by the replay error of the held-out episodes, and by 20 fixed
+gaits that were tried on the robot: mean difference of scores, and Spearman's correlation. Each finished step is a line
+of the journal.
 """
 
 import argparse

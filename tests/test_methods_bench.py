@@ -6,6 +6,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from tiny_registry import QUICK
 
 import dynreg
 
@@ -84,7 +85,7 @@ def small_table(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, str
     given = argparse.Namespace(methods=asked, threads=1, quick=True, slow=False)
     hidden = (("in the family", None, 11), ("outside", "load_friction", 12))
     with dynreg.open(tmp_path_factory.mktemp("small") / "registry") as session:
-        session.populate("servo_pendulum", 24, seed=3, threads=1)
+        session.populate("servo_pendulum", 24, seed=3, threads=1, training=QUICK)
         lines = [
             line
             for kind, cause, seed in hidden
