@@ -1,6 +1,7 @@
 """The table of all methods: what it prints of lines, and which tables are kept."""
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -111,3 +112,14 @@ def test_only_a_diagnosis_names_the_cause_and_none_where_there_is_none(small_tab
     told = {key: line["told"] for key, line in small_table.items()}
     assert told["outside", "diagnose"] == "right" and told["in the family", "diagnose"] == "none"
     assert {told[kind, m] for kind, m in told if m != "diagnose"} == {None}
+
+
+def test_fewer_episodes_shape_an_answer_and_the_same_are_held_out(bench_methods: ModuleType) -> None:
+    whole = bench_methods.Secret("servo_pendulum", "in the family", 0, 50.0, None, 5)
+    episodes = [e.name for e in whole.log()[1].episodes]
+    tests = [name for name in episodes if name.startswith("test")]
+    for many in (1, 3):
+        some = [e.name for e in replace(whole, episodes=many).log()[1].episodes]
+        assert some[-len(tests) :] == tests and len(some) == many + len(tests)
+    assert some[:3] == ["fit_0", "fit_1", "select_0"]
+    assert replace(whole, episodes=1).key != whole.key and "episodes" not in whole.key
