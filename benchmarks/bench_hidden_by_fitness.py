@@ -22,9 +22,10 @@ from pathlib import Path
 
 import numpy as np
 from bench_back_to_reality import FIXED, Shown, scaled
-from bench_naming_quadruped import EFFECTS, IN_ONE_JOINT, measured, plan_of, stand, trot
+from bench_naming_quadruped import EFFECTS, IN_ONE_JOINT, plan_of, stand, trot
 from journal import Journal
 from kept import keep
+from measured_quadruped import measured_quadruped
 from naming import RESULTS, TUNE
 from plain_quadruped import RATE, PlainQuadruped, drawn
 
@@ -39,7 +40,7 @@ from dynreg.replay.data import data
 from dynreg.rng import stream, stream_seed
 from dynreg.session import Session
 from dynreg.sim.config import SimConfig, terms_of
-from dynreg.sim.robot import Robot, load_robot
+from dynreg.sim.robot import Robot
 
 REPORT = 20261211
 CAUSE, LOSS = "second_friction_material", 0.5
@@ -61,7 +62,7 @@ class Bench:
 
     @classmethod
     def of(cls, kind: str, seed: int, threads: int) -> "Bench":
-        robot = measured(load_robot("quadruped"))
+        robot = measured_quadruped()
         own = stream_seed(seed, "hidden by fitness", kind) % 2**31
         loss = LOSS if kind == "worn" else 0.0
         return cls(PlainQuadruped(robot, drawn(robot.space, own), loss, own), robot, threads)

@@ -16,6 +16,7 @@ from pathlib import Path
 import aibo
 import bench_naming_quadruped as quadruped
 from bench_naming_independent import rows_of
+from measured_quadruped import measured_quadruped
 from naming import seeds
 
 from dynreg.data.recording import Recording
@@ -97,8 +98,7 @@ def first(episodes: tuple, many: int) -> Iterator:
 @cache
 def described(name: str) -> Robot:
     """What the library is told of a robot."""
-    robot = load_robot(name)
-    return quadruped.measured(robot) if name == "quadruped" else robot
+    return measured_quadruped() if name == "quadruped" else load_robot(name)
 
 
 def walked(robot: Robot, material: bool, seed: int) -> tuple[Hidden, Recording]:

@@ -10,6 +10,7 @@ import pytest
 from dynreg.methods.judged import replay_errors
 from dynreg.replay.data import data
 from dynreg.sim.config import SimConfig
+from dynreg.sim.robot import load_robot
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 
@@ -58,3 +59,10 @@ def test_the_nameplate_has_not_moved_and_what_has_is_told_in_shares_of_its_range
     reach = next(p.high - p.low for p in robot.space.parameters if p.name == "gravity")
     far = bench_hidden.moved(robot, nominal | {"gravity": nominal["gravity"] + 0.1 * reach})
     assert far["gravity"] == pytest.approx(0.1) and sum(map(abs, far.values())) == pytest.approx(0.1)
+
+
+def test_the_robot_that_recordings_are_of_is_that_of_the_naming_bench(bench_hidden: ModuleType) -> None:
+    from bench_naming_quadruped import measured
+
+    robot, other = bench_hidden.measured_quadruped(), measured(load_robot("quadruped"))
+    assert robot.space.parameters == other.space.parameters and robot.file.channels == other.file.channels
