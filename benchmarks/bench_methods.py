@@ -52,23 +52,21 @@ ENTRIES = {"servo_pendulum": 300, "quadruped": 200, "diffdrive": 300, "aibo": 0}
 BUDGET = {"aibo": 200}  # simulations of a search; else its usual number
 SCALE = 0.1  # of the generations of btr
 NATS = {"quadruped": 100.4}  # that a cause needs: the kept table of bench_naming_quadruped; else the usual
-SLOW = {"aibo": ("diagnose", "btr")}  # an hour or more of a robot: not asked unless named by --methods
+SLOW = {"aibo": ("diagnose",)}  # half an hour and more of a robot: not asked unless named
 NOMINAL, BTR = "nominal", "btr"
 PEER = "mujoco.sysid"
 ITERATIONS = 30  # of mujoco.sysid
 TRIALS = 190  # of btr, as in the paper
+LOGS = tuple(name for name, kind in METHODS.items() if not kind.tries)  # methods that take one
 WHEELED = ("diffdrive",)
 
 
-def asked(session: dynreg.Session, secret: Secret, cut: Data, held: str, method: str, threads: int) -> dict:
-    """What a method of `calibrate` answers about a registered recording; only why, where it cannot."""
+def asked(session: dynreg.Session, secret: Secret, held: str, method: str, threads: int) -> dict:
+    """What a method of `calibrate` answers about a registered recording."""
     told = {"plan": plan(Path(session.registry.path), secret.robot)} if method == "staged" else {}
     if secret.robot in BUDGET and "budget" in METHODS[method].reads:
         told["budget"] = BUDGET[secret.robot]
-    try:
-        found = session.calibrate(secret.name, method=method, hold_out=held, threads=threads, seed=1, **told)
-    except DynregError as problem:
-        return {"problem": str(problem)}
+    found = session.calibrate(secret.name, method=method, hold_out=held, threads=threads, seed=1, **told)
     return {
         "error": found.test_error,
         "nominal": found.nominal_test_error,
@@ -183,11 +181,8 @@ def named(robot: Robot, hidden: Hidden, causes: list[str] | None) -> str | None:
 
 def answers(session: dynreg.Session, secret: Secret, given: argparse.Namespace, done: set) -> Iterator[dict]:
     """A line for each method that was not asked about this robot before."""
-    left = [
-        m
-        for m in given.methods
-        if able(m, secret.robot, given) and key_of(secret.key | {"method": m}) not in done
-    ]
+    methods = [m for m in given.methods or usual(secret.robot) if able(m, secret.robot)]
+    left = [m for m in methods if key_of(secret.key | {"method": m}) not in done]
     if not left:
         return
     robot = described(secret.robot)
@@ -196,7 +191,10 @@ def answers(session: dynreg.Session, secret: Secret, given: argparse.Namespace, 
     session.ingest(log, robot, name=secret.name)
     cut, walks = data(robot, log, held), Walks(robot, hidden, given.threads)
     for method in left:
-        found, made = answer(session, secret, cut, hidden, held, method, given)
+        try:
+            found, made = answer(session, secret, cut, hidden, held, method, given)
+        except DynregError as problem:
+            found, made = {"problem": str(problem)}, None
         if found is None:
             continue
         line = {**secret.key, "method": method, "cause": secret.cause}
@@ -207,12 +205,16 @@ def answers(session: dynreg.Session, secret: Secret, given: argparse.Namespace, 
         yield line | {"told": named(robot, hidden, found.get("causes")), **found}
 
 
-def able(method: str, robot: str, given: argparse.Namespace) -> bool:
-    """Whether a method is asked about a robot: it applies, and is not too slow."""
+def usual(robot: str) -> list[str]:
+    """The methods that are asked about a robot where none is named."""
+    feet = [NOMINAL, BTR] if robot in FEET else []
+    return [m for m in (TRUE, *feet, *LOGS, PEER) if m not in SLOW.get(robot, ())]
+
+
+def able(method: str, robot: str) -> bool:
+    """Whether a method applies to a robot, and there is what it needs."""
     if method == BTR:
         return robot == "quadruped"
-    if method in SLOW.get(robot, ()) and not given.slow:
-        return False
     needs = METHODS[method].needs if method in METHODS else ()
     if "population" in needs:
         return bool(ENTRIES[robot])
@@ -240,7 +242,7 @@ def answer(
     elif method == "diagnose" and (given.quick or secret.robot in FEET):
         found = diagnosed(session, secret, cut, held, threads)
     else:
-        found = asked(session, secret, cut, held, method, threads)
+        found = asked(session, secret, held, method, threads)
     identity = found.pop("made", None)
     return found, identity and SimConfig.from_dict(session.registry.simulator(identity))
 
@@ -252,19 +254,16 @@ def key_of(line: dict) -> tuple:
 
 def main() -> None:
     """Print the table; that of the reporting robots is kept."""
-    usable = [name for name, kind in METHODS.items() if not kind.tries]
-    every = [TRUE, *usable, PEER]
-    feet = [NOMINAL, BTR]
+    every = [TRUE, NOMINAL, BTR, *LOGS, PEER]
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", nargs="*", default=["servo_pendulum", "diffdrive"], choices=list(PLANS))
-    parser.add_argument("--methods", nargs="*", default=every, choices=[*every, *feet])
+    parser.add_argument("--methods", nargs="*", choices=every, help="by default all that apply")
     parser.add_argument("--robots", type=int, default=12, help="of each kind, in the family and outside")
     parser.add_argument("--seconds", type=float, nargs="*", default=[50.0], help="of a robot's log")
     parser.add_argument(
         "--episodes", type=int, nargs="*", default=[], help="of it that may shape an answer; else all"
     )
     parser.add_argument("--quick", action="store_true", help="diagnose by the usual threshold, for one cause")
-    parser.add_argument("--slow", action="store_true", help="also ask what takes an hour of a robot")
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--journal", type=Path, default=RESULTS / "methods.jsonl")
     parser.add_argument("--tune", action="store_true", help="the robots of the development; writes no table")
@@ -276,7 +275,7 @@ def main() -> None:
     for robot in given.only:
         done = {key_of(x) for x in journal.lines()}
         with tempfile.TemporaryDirectory() as folder, dynreg.open(Path(folder) / "registry") as session:
-            if {"nearest", "synthesis"} & {*given.methods} and ENTRIES[robot]:
+            if {"nearest", "synthesis"} & {*(given.methods or LOGS)} and ENTRIES[robot]:
                 session.populate(described(robot), ENTRIES[robot], seed=seed, threads=given.threads)
             for secret in secrets(robot, given, seed):
                 for line in answers(session, secret, given, done):

@@ -83,7 +83,7 @@ def small_table(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, str
         patch.syspath_prepend(BENCHMARKS)
         import bench_methods
     asked = ["nearest", "synthesis", "diagnose"]
-    given = argparse.Namespace(methods=asked, threads=1, quick=True, slow=False)
+    given = argparse.Namespace(methods=asked, threads=1, quick=True)
     hidden = (("in the family", None, 11), ("outside", "load_friction", 12))
     with dynreg.open(tmp_path_factory.mktemp("small") / "registry") as session:
         session.populate("servo_pendulum", 24, seed=3, threads=1, training=QUICK)
@@ -123,3 +123,19 @@ def test_fewer_episodes_shape_an_answer_and_the_same_are_held_out(bench_methods:
         assert some[-len(tests) :] == tests and len(some) == many + len(tests)
     assert some[:3] == ["fit_0", "fit_1", "select_0"]
     assert replace(whole, episodes=1).key != whole.key and "episodes" not in whole.key
+
+
+def test_the_figure_has_a_point_for_what_a_robot_had_to_move(
+    bench_methods: ModuleType, tmp_path: Path
+) -> None:
+    import methods_pictures
+
+    asked = [(1, 0.5), (1, 0.7), (10, 0.2)]
+    lines = [line("cma", i, share) | {"episodes": many} for i, (many, share) in enumerate(asked)]
+    seconds, share = methods_pictures.medians(lines, "cma")
+    assert seconds.tolist() == [2.5, 25.0] and share == pytest.approx([0.6, 0.2])
+    feet = line("btr", 0, 0.8) | {"robot": "quadruped", "real seconds": 1900.0}
+    assert methods_pictures.seconds(feet) == 1900.0
+    problem = {k: v for k, v in lines[0].items() if k != "share"} | {"problem": "too few"}
+    assert len(methods_pictures.medians([problem], "cma")[0]) == 0
+    assert methods_pictures.draw([*lines, feet], tmp_path).read_bytes().startswith(b"\x89PNG")
