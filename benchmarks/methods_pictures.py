@@ -17,6 +17,7 @@ if __name__ == "__main__":
     matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 from naming import RESULTS
 
 EPISODE = 2.5  # s of a servo's
@@ -32,6 +33,7 @@ STYLES = {
     "ga": ("#a4a7aa", ":"),
     "btr": ("black", "-"),
 }
+SHARES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 PLACES = ("servo, in the family", "servo, outside", "quadruped")
 
 
@@ -69,6 +71,11 @@ def draw(lines: list[dict], out: Path) -> Path:
             if len(at):
                 axes.plot(at, share, marker="o", ms=3.5, color=color, ls=dashes, lw=1.2, label=method)
         axes.set(title=place, xlabel="seconds on the robot", xscale="log", yscale="log")
+        axes.xaxis.set_major_locator(FixedLocator(sorted({seconds(x) for x in found if "share" in x})))
+        axes.yaxis.set_major_locator(FixedLocator(SHARES))
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+            axis.set_minor_locator(NullLocator())
         axes.tick_params(labelsize=7)
         axes.spines[["top", "right"]].set_visible(False)
         axes.title.set_fontsize(9)
