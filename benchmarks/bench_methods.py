@@ -6,6 +6,11 @@ the quadruped by the library's own. Each method gets the same log, of so many se
 the replay error on what was held out, as a share of the nominal simulator's. `the robot itself` has the true
 parameters and, where the library has it, the true cause: what noise leaves. `mujoco.sysid` fits all parameters.
 
+`--only quadruped aibo` asks about robots on feet (`methods_robots`). Of a quadruped a gait is sought in every answer
+and tried on the robot (`methods_walk`), and `btr` is asked, too: 190 trials, a share of the published simulations.
+There `diagnose` takes the threshold that `bench_naming_quadruped` found, and names one cause. `--episodes 1 10 30` asks
+what so many episodes of a servo's log are worth: the same are held out for all (`methods_pictures` draws it).
+
 Intervals of medians are of 90 %, bootstrap over robots. Each method is held against the one with the lowest median by
 Wilcoxon's test on pairs of robots, with Holm's correction. Reporting robots were never used in development (`REPORT`).
 """
@@ -18,105 +23,50 @@ import logging
 import tempfile
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from bench_naming_independent import rows_of
-from bootstrap import median_interval
 from journal import Journal
 from kept import keep
-from naming import RESULTS, TUNE, seeds
-from scipy.stats import wilcoxon
+from methods_robots import FEET, PLANS, SIZE, Secret, described, plan, secrets
+from methods_table import TRUE, show
+from methods_walk import Walks
+from naming import RESULTS, TUNE
 
 import dynreg
-from dynreg.data.recording import Recording
-from dynreg.diagnose.trial import Trial, Trials, hidden_log, right_names
-from dynreg.evidence.truth import Hidden, protocol
+from dynreg.adapt.tried import Rules
+from dynreg.diagnose.threshold import USUAL
+from dynreg.diagnose.trial import right_names
+from dynreg.errors import DynregError
+from dynreg.evidence.truth import Hidden
 from dynreg.methods.judged import replay_errors
 from dynreg.methods.table import METHODS
 from dynreg.replay.data import Data, data
 from dynreg.replay.windows import Replayer
-from dynreg.rng import stream
 from dynreg.sim.config import SimConfig, effects_of
-from dynreg.sim.effects import Terms, term
-from dynreg.sim.robot import Robot, load_robot
-from dynreg.timed.compare import holm
-from dynreg.truths.table import KINDS
+from dynreg.sim.effects import Terms
+from dynreg.sim.robot import Robot
 
 REPORT = 20261203
-HIDDEN = ("in the family", "outside")
-PLANS = {  # of `staged`: the drives first, then all
-    "servo_pendulum": (("*_friction", "torque_constant", "resistance"), ("*",)),
-    "quadruped": (("torque", "motor_speed"), ("*",)),
-    "diffdrive": (("*",),),
-}
-ENTRIES = {"servo_pendulum": 300, "quadruped": 200, "diffdrive": 300}
-WALKERS = ("load_friction", "payload", "command_lag", "torque_limit", "backlash", "ground_friction")
-SIZE = "medium"
-TRUE, PEER = "the robot itself", "mujoco.sysid"
+ENTRIES = {"servo_pendulum": 300, "quadruped": 200, "diffdrive": 300, "aibo": 0}
+BUDGET = {"aibo": 200}  # simulations of a search; else its usual number
+SCALE = 0.1  # of the generations of btr
+NATS = {"quadruped": 100.4}  # that a cause needs: the kept table of bench_naming_quadruped; else the usual
+SLOW = {"aibo": ("diagnose",)}  # half an hour and more of a robot: not asked unless named
+NOMINAL, BTR = "nominal", "btr"
+PEER = "mujoco.sysid"
 ITERATIONS = 30  # of mujoco.sysid
-SURE = 0.05
+TRIALS = 190  # of btr, as in the paper
+LOGS = tuple(name for name, kind in METHODS.items() if not kind.tries)  # methods that take one
+WHEELED = ("diffdrive",)
 
 
-@dataclass(frozen=True)
-class Secret:
-    """A hidden robot: what of, which kind, its number in it, the seconds of its log, and what it hides."""
-
-    robot: str
-    hidden: str
-    number: int
-    seconds: float
-    cause: str | None
-    seed: int
-
-    @property
-    def key(self) -> dict:
-        """What tells it from others."""
-        return {"robot": self.robot, "hidden": self.hidden, "number": self.number, "seconds": self.seconds}
-
-    def log(self) -> tuple[Hidden, Recording]:
-        """What it hides, and what it wrote."""
-        robot = load_robot(self.robot)
-        plan = protocol(robot, seed=self.seed, seconds=self.seconds)
-        if self.robot in KINDS:
-            trial = Trial((), SIZE if self.cause else None, self.seed, cause=self.cause)
-            return hidden_log(Trials(robot, plan, truth="independent"), trial)
-        terms = () if self.cause is None else (term(self.cause),)
-        return hidden_log(Trials(robot, plan), Trial(terms, SIZE if terms else None, self.seed))
-
-
-def secrets(robot: str, given: argparse.Namespace, seed: int) -> Iterator[Secret]:
-    """The robots of a table; every cause has its turn before one has a second, in an order that is drawn."""
-    own = load_robot(robot)
-    causes = (*rows_of(own).same, *rows_of(own).other) if robot in KINDS else WALKERS
-    turns = stream(seed, "methods", robot, "causes").permutation(causes)
-    for hidden in HIDDEN:
-        for number, one in enumerate(seeds(seed, "methods", robot, hidden, n=given.robots)):
-            cause = str(turns[number % len(turns)]) if hidden == "outside" else None
-            for seconds in given.seconds:
-                yield Secret(robot, hidden, number, seconds, cause, one)
-
-
-def plan(folder: Path, robot: str) -> Path:
-    """The file of a plan: the first stage for single joints where there are any, the last for whole replays."""
-    space = load_robot(robot).space.names
-    stages = []
-    for number, patterns in enumerate(PLANS[robot]):
-        own = [p for p in patterns if "*" in p or p in space]
-        loss = "joint" if number == 0 and len(PLANS[robot]) > 1 else "replay"
-        stages.append(
-            f'[[stages]]\nname = "s{number}"\nparameters = {json.dumps(own)}\nloss = "{loss}"\ngenerations = 10\n'
-        )
-    path = folder / f"{robot}.toml"
-    path.write_text("\n".join(stages), encoding="utf-8")
-    return path
-
-
-def asked(session: dynreg.Session, name: str, secret: Secret, held: str, method: str, threads: int) -> dict:
+def asked(session: dynreg.Session, secret: Secret, held: str, method: str, threads: int) -> dict:
     """What a method of `calibrate` answers about a registered recording."""
     told = {"plan": plan(Path(session.registry.path), secret.robot)} if method == "staged" else {}
-    found = session.calibrate(name, method=method, hold_out=held, threads=threads, seed=1, **told)
+    if secret.robot in BUDGET and "budget" in METHODS[method].reads:
+        told["budget"] = BUDGET[secret.robot]
+    found = session.calibrate(secret.name, method=method, hold_out=held, threads=threads, seed=1, **told)
     return {
         "error": found.test_error,
         "nominal": found.nominal_test_error,
@@ -124,16 +74,61 @@ def asked(session: dynreg.Session, name: str, secret: Secret, held: str, method:
         "core seconds": found.cost.core_seconds,
         "causes": found.causes,
         "ended": found.ended,
+        "made": found.simulator,
     }
 
 
-def itself(cut: Data, hidden: Hidden, threads: int) -> dict:
+def diagnosed(session: dynreg.Session, secret: Secret, cut: Data, held: str, threads: int) -> dict:
+    """A diagnosis that names one cause at most, without robots of its own for the threshold."""
+    began = time.process_time()
+    found = session.diagnose(
+        secret.name, hold_out=held, threshold_runs=0, max_causes=1, threads=threads, seed=1
+    )
+    passed = [c.key for c in found.causes if c.evidence_nats >= NATS.get(secret.robot, USUAL)]
+    made = found.extended_simulator if passed else found.calibrated_simulator
+    return {
+        **judged(cut, SimConfig.from_dict(session.registry.simulator(made)), threads),
+        "rollouts": found.cost.rollouts,
+        "core seconds": time.process_time() - began,
+        "causes": passed,
+        "ended": found.verdict,
+        "made": made,
+    }
+
+
+def by_scores(session: dynreg.Session, cut: Data, hidden: Hidden, threads: int) -> dict:
+    """Back to Reality on the robot, which has not read the log."""
+    began, usual = time.process_time(), Rules()
+    some = lambda many: max(round(SCALE * many), 1)  # noqa: E731
+    rules = Rules(first=some(usual.first), later=some(usual.later), turns=some(usual.turns))
+    door = Walks(cut.robot, hidden, threads).real
+    found = session.calibrate(
+        cut.robot, method=BTR, robot_door=door, rules=rules, threads=threads, seed=1, trials=TRIALS
+    )
+    return {
+        **judged(cut, SimConfig.from_dict(session.registry.simulator(found.simulator)), threads),
+        "rollouts": found.cost.rollouts,
+        "core seconds": time.process_time() - began,
+        "ended": found.ended,
+        "trials": found.cost.trials,
+        "real seconds": found.cost.trial_seconds,
+        "real falls": found.cost.falls,
+        "made": found.simulator,
+    }
+
+
+def judged(cut: Data, made: SimConfig, threads: int) -> dict[str, float]:
+    """{"error", "nominal"} of a simulator on what was held out."""
+    both = [SimConfig.of(cut.robot, cut.start), made]
+    nominal, error = replay_errors(cut, both, threads)[:, 1].tolist()
+    return {"error": error, "nominal": nominal}
+
+
+def itself(cut: Data, hidden: Hidden) -> SimConfig:
     """The simulator with the true parameters; without a cause that the library's effects do not state alike."""
     stated = Terms(hidden.terms, tuple(v[None] for v in hidden.values))
     known = all(np.isfinite(v).all() for v in hidden.values)
-    true = SimConfig.of(cut.robot, hidden.parameters, effects_of(stated) if known and hidden.terms else {})
-    nominal, error = replay_errors(cut, [SimConfig.of(cut.robot, cut.start), true], threads)[:, 1].tolist()
-    return {"error": error, "nominal": nominal, "rollouts": 0, "core seconds": 0.0, "ended": ""}
+    return SimConfig.of(cut.robot, hidden.parameters, effects_of(stated) if known and hidden.terms else {})
 
 
 def identified(cut: Data, threads: int) -> dict | None:
@@ -170,10 +165,9 @@ def identified(cut: Data, threads: int) -> dict | None:
             parameters, residual, optimizer="mujoco", verbose=False, x_scale=reach, max_iters=ITERATIONS
         )
     found = values(fitted.as_vector()[:, None])[0]
-    spent = time.process_time() - began
-    configs = [SimConfig.of(cut.robot, v) for v in (start, found)]
-    nominal, error = replay_errors(cut, configs, threads)[:, 1].tolist()
-    return {"error": error, "nominal": nominal, "rollouts": ran, "core seconds": spent, "ended": "converged"}
+    spent, made = time.process_time() - began, SimConfig.of(cut.robot, found)
+    told = {"rollouts": ran, "core seconds": spent, "ended": "converged"}
+    return {**judged(cut, made, threads), **told}
 
 
 def named(robot: Robot, hidden: Hidden, causes: list[str] | None) -> str | None:
@@ -187,101 +181,108 @@ def named(robot: Robot, hidden: Hidden, causes: list[str] | None) -> str | None:
 
 def answers(session: dynreg.Session, secret: Secret, given: argparse.Namespace, done: set) -> Iterator[dict]:
     """A line for each method that was not asked about this robot before."""
-    left = [m for m in given.methods if (*secret.key.values(), m) not in done]
+    methods = [m for m in given.methods or usual(secret.robot) if able(m, secret.robot)]
+    left = [m for m in methods if key_of(secret.key | {"method": m}) not in done]
     if not left:
         return
-    robot = load_robot(secret.robot)
+    robot = described(secret.robot)
     hidden, log = secret.log()
     held = ",".join(e.name for e in log.episodes if e.name.startswith("test"))
-    name = f"{secret.robot}_{secret.hidden}_{secret.number}_{secret.seconds:g}".replace(" ", "_")
-    session.ingest(log, robot, name=name)
-    cut = data(robot, log, held)
+    session.ingest(log, robot, name=secret.name)
+    cut, walks = data(robot, log, held), Walks(robot, hidden, given.threads)
     for method in left:
-        if method in METHODS and "wheels" in METHODS[method].needs and not robot.planar:
+        try:
+            found, made = answer(session, secret, cut, hidden, held, method, given)
+        except DynregError as problem:
+            found, made = {"problem": str(problem)}, None
+        if found is None:
             continue
-        if method == TRUE:
-            found = itself(cut, hidden, given.threads)
-        elif method == PEER:
-            found = identified(cut, given.threads)
-        else:
-            found = asked(session, name, secret, held, method, given.threads)
-        if found is not None:
-            told = named(robot, hidden, found.get("causes"))
-            share = found["error"] / found["nominal"]
-            yield {
-                **secret.key,
-                "method": method,
-                "cause": secret.cause,
-                "share": share,
-                "told": told,
-                **found,
-            }
+        line = {**secret.key, "method": method, "cause": secret.cause}
+        if "error" in found:
+            line["share"] = found["error"] / found["nominal"]
+        if secret.robot == "quadruped" and made is not None:
+            line["walk"] = walks.figures(made)
+        yield line | {"told": named(robot, hidden, found.get("causes")), **found}
+
+
+def usual(robot: str) -> list[str]:
+    """The methods that are asked about a robot where none is named."""
+    feet = [NOMINAL, BTR] if robot in FEET else []
+    return [m for m in (TRUE, *feet, *LOGS, PEER) if m not in SLOW.get(robot, ())]
+
+
+def able(method: str, robot: str) -> bool:
+    """Whether a method applies to a robot, and there is what it needs."""
+    if method == BTR:
+        return robot == "quadruped"
+    needs = METHODS[method].needs if method in METHODS else ()
+    if "population" in needs:
+        return bool(ENTRIES[robot])
+    return "wheels" not in needs or robot in WHEELED
+
+
+def answer(
+    session: dynreg.Session,
+    secret: Secret,
+    cut: Data,
+    hidden: Hidden,
+    held: str,
+    method: str,
+    given: argparse.Namespace,
+) -> tuple[dict | None, SimConfig | None]:
+    """What a method answers, None where its packages are missing; and the simulator where one is registered."""
+    threads, free = given.threads, {"rollouts": 0, "core seconds": 0.0, "ended": ""}
+    if method in (TRUE, NOMINAL):
+        made = itself(cut, hidden) if method == TRUE else SimConfig.of(cut.robot, cut.start)
+        return {**judged(cut, made, threads), **free}, made
+    if method == PEER:
+        return identified(cut, threads), None
+    if method == BTR:
+        found = by_scores(session, cut, hidden, threads)
+    elif method == "diagnose" and (given.quick or secret.robot in FEET):
+        found = diagnosed(session, secret, cut, held, threads)
+    else:
+        found = asked(session, secret, held, method, threads)
+    identity = found.pop("made", None)
+    return found, identity and SimConfig.from_dict(session.registry.simulator(identity))
+
+
+def key_of(line: dict) -> tuple:
+    """What tells a line from others."""
+    return tuple(line.get(k) for k in ("robot", "hidden", "number", "seconds", "episodes", "method"))
 
 
 def main() -> None:
     """Print the table; that of the reporting robots is kept."""
-    usable = [name for name, kind in METHODS.items() if not kind.tries]
-    every = [TRUE, *usable, PEER]
+    every = [TRUE, NOMINAL, BTR, *LOGS, PEER]
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", nargs="*", default=["servo_pendulum", "diffdrive"], choices=list(PLANS))
-    parser.add_argument("--methods", nargs="*", default=every, choices=every)
+    parser.add_argument("--methods", nargs="*", choices=every, help="by default all that apply")
     parser.add_argument("--robots", type=int, default=12, help="of each kind, in the family and outside")
     parser.add_argument("--seconds", type=float, nargs="*", default=[50.0], help="of a robot's log")
+    parser.add_argument(
+        "--episodes", type=int, nargs="*", default=[], help="of it that may shape an answer; else all"
+    )
+    parser.add_argument("--quick", action="store_true", help="diagnose by the usual threshold, for one cause")
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--journal", type=Path, default=RESULTS / "methods.jsonl")
     parser.add_argument("--tune", action="store_true", help="the robots of the development; writes no table")
     given = parser.parse_args()
     seed = TUNE if given.tune else REPORT
-    head = {"seed": seed, "entries": ENTRIES, "plans": PLANS, "size": SIZE}
+    head = {"seed": seed, "entries": ENTRIES, "plans": PLANS, "size": SIZE, "quick": given.quick}
     journal = Journal(given.journal, head)
     journal.begin()
     for robot in given.only:
-        done = {
-            (*(x[k] for k in ("robot", "hidden", "number", "seconds", "method")),) for x in journal.lines()
-        }
+        done = {key_of(x) for x in journal.lines()}
         with tempfile.TemporaryDirectory() as folder, dynreg.open(Path(folder) / "registry") as session:
-            if {"nearest", "synthesis"} & {*given.methods}:
-                session.populate(load_robot(robot), ENTRIES[robot], seed=seed, threads=given.threads)
+            if {"nearest", "synthesis"} & {*(given.methods or LOGS)} and ENTRIES[robot]:
+                session.populate(described(robot), ENTRIES[robot], seed=seed, threads=given.threads)
             for secret in secrets(robot, given, seed):
                 for line in answers(session, secret, given, done):
                     journal.add(line)
                     print(json.dumps(line), flush=True)
     show(journal.lines())
     keep(RESULTS / "methods.json", head | {"cells": journal.lines()}, parser, given)
-
-
-def show(lines: list[dict]) -> None:
-    """Print the tables."""
-    for key in dict.fromkeys((x["robot"], x["hidden"], x["seconds"]) for x in lines):
-        own = [x for x in lines if (x["robot"], x["hidden"], x["seconds"]) == key]
-        methods = list(dict.fromkeys(x["method"] for x in own))
-        shares = {m: {x["number"]: x["share"] for x in own if x["method"] == m} for m in methods}
-        rivals = {m: float(np.median([*s.values()])) for m, s in shares.items() if m != TRUE}
-        best = min(rivals, key=rivals.__getitem__)
-        p = {}
-        for m in rivals:
-            both = sorted(shares[m].keys() & shares[best].keys())
-            apart = np.log([shares[m][n] / shares[best][n] for n in both])
-            if m != best:
-                p[m] = float(wilcoxon(apart).pvalue) if apart.any() else 1.0
-        corrected = dict(zip(p, holm([*p.values()]), strict=True))
-        print(f"{key[0]}, {key[1]}, {key[2]:g} s: {len(shares[best])} robots; best is {best}")
-        for m in sorted(methods, key=lambda m: rivals.get(m, -1.0)):
-            mine = [x for x in own if x["method"] == m]
-            low, high = median_interval(np.array([*shares[m].values()]))
-            runs, spent = (float(np.median([x[k] for x in mine])) for k in ("rollouts", "core seconds"))
-            told = {t: sum(x["told"] == t for x in mine) for t in ("right", "wrong", "none")}
-            words = ", ".join(f"{n} {t}" for t, n in told.items() if n)
-            behind = (
-                ""
-                if m not in corrected
-                else f"p {corrected[m]:.3f}{'' if corrected[m] < SURE else ' (not sure)'}"
-            )
-            middle = np.median([*shares[m].values()])
-            print(
-                f"  {m:16} {middle:6.3f} [{low:.3f}, {high:.3f}] {runs:8.0f} simulators {spent:7.1f} core s  "
-                f"{behind}  {words}"
-            )
 
 
 if __name__ == "__main__":

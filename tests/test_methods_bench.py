@@ -1,11 +1,15 @@
 """The table of all methods: what it prints of lines, and which tables are kept."""
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
+from tiny_registry import QUICK
+
+import dynreg
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 
@@ -49,7 +53,7 @@ def test_robots_outside_hide_each_another_cause_and_those_inside_none(bench_meth
 def test_a_name_is_right_where_no_command_tells_it_from_the_hidden_cause(bench_methods: ModuleType) -> None:
     secret = bench_methods.Secret("servo_pendulum", "outside", 0, 12.5, "torque_limit", 5)
     hidden, log = secret.log()
-    robot = bench_methods.load_robot("servo_pendulum")
+    robot = bench_methods.described("servo_pendulum")
     assert bench_methods.named(robot, hidden, ["duty_limit"]) == "right", "no command tells the two apart"
     assert bench_methods.named(robot, hidden, ["backlash"]) == "wrong"
     assert bench_methods.named(robot, hidden, []) == "none"
@@ -70,3 +74,68 @@ def test_a_small_run_keeps_no_table(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     assert (
         keep(path, {"a": 1}, parser, parser.parse_args(["--threads", "1"])) and '"a": 1' in path.read_text()
     )
+
+
+@pytest.fixture(scope="module")
+def small_table(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, str], dict]:
+    """{(hidden, method): line} of two servos, one of which hides a friction that grows with the load."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(BENCHMARKS)
+        import bench_methods
+    asked = ["nearest", "synthesis", "diagnose"]
+    given = argparse.Namespace(methods=asked, threads=1, quick=True)
+    hidden = (("in the family", None, 11), ("outside", "load_friction", 12))
+    with dynreg.open(tmp_path_factory.mktemp("small") / "registry") as session:
+        session.populate("servo_pendulum", 24, seed=3, threads=1, training=QUICK)
+        lines = [
+            line
+            for kind, cause, seed in hidden
+            for line in bench_methods.answers(
+                session, bench_methods.Secret("servo_pendulum", kind, 0, 25.0, cause, seed), given, set()
+            )
+        ]
+    return {(line["hidden"], line["method"]): line for line in lines}
+
+
+def test_only_a_diagnosis_comes_near_a_servo_outside_of_the_family(small_table: dict) -> None:
+    share = {key: line["share"] for key, line in small_table.items()}
+    outside = {m: share["outside", m] for m in ("nearest", "synthesis", "diagnose")}
+    assert outside["diagnose"] < 0.5 and outside["diagnose"] < 0.5 * min(
+        outside["nearest"], outside["synthesis"]
+    )
+    inside = {m: share["in the family", m] for m in outside}
+    assert max(inside["diagnose"], inside["synthesis"]) < 0.5, "the model has all that this robot has"
+    assert inside["nearest"] > inside["synthesis"], "a registered simulator as it is does not fit"
+
+
+def test_only_a_diagnosis_names_the_cause_and_none_where_there_is_none(small_table: dict) -> None:
+    told = {key: line["told"] for key, line in small_table.items()}
+    assert told["outside", "diagnose"] == "right" and told["in the family", "diagnose"] == "none"
+    assert {told[kind, m] for kind, m in told if m != "diagnose"} == {None}
+
+
+def test_fewer_episodes_shape_an_answer_and_the_same_are_held_out(bench_methods: ModuleType) -> None:
+    whole = bench_methods.Secret("servo_pendulum", "in the family", 0, 50.0, None, 5)
+    episodes = [e.name for e in whole.log()[1].episodes]
+    tests = [name for name in episodes if name.startswith("test")]
+    for many in (1, 3):
+        some = [e.name for e in replace(whole, episodes=many).log()[1].episodes]
+        assert some[-len(tests) :] == tests and len(some) == many + len(tests)
+    assert some[:3] == ["fit_0", "fit_1", "select_0"]
+    assert replace(whole, episodes=1).key != whole.key and "episodes" not in whole.key
+
+
+def test_the_figure_has_a_point_for_what_a_robot_had_to_move(
+    bench_methods: ModuleType, tmp_path: Path
+) -> None:
+    import methods_pictures
+
+    asked = [(1, 0.5), (1, 0.7), (10, 0.2)]
+    lines = [line("cma", i, share) | {"episodes": many} for i, (many, share) in enumerate(asked)]
+    seconds, share = methods_pictures.medians(lines, "cma")
+    assert seconds.tolist() == [2.5, 25.0] and share == pytest.approx([0.6, 0.2])
+    feet = line("btr", 0, 0.8) | {"robot": "quadruped", "real seconds": 1900.0}
+    assert methods_pictures.seconds(feet) == 1900.0
+    problem = {k: v for k, v in lines[0].items() if k != "share"} | {"problem": "too few"}
+    assert len(methods_pictures.medians([problem], "cma")[0]) == 0
+    assert methods_pictures.draw([*lines, feet], tmp_path).read_bytes().startswith(b"\x89PNG")
