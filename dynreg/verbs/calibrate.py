@@ -173,7 +173,9 @@ def _ended(asked: "Recorded", key: str) -> "Calibration | None":
 
     for record in about(asked.registry, "calibration", asked.recording.id):
         if record.document.get("question") == key:
-            told = f"this calibration has ended: its result {record.id[:12]} is given, and nothing is computed"
+            told = (
+                f"this calibration has ended: its result {record.id[:12]} is given, and nothing is computed"
+            )
             warnings.warn(told, Assumed, 3)
             return Calibration.model_validate(record.document)
     return None

@@ -64,7 +64,10 @@ def document(
     cost: CalibrationCost,
     key: str,
 ) -> Calibration:
-    """The document; ids : see `register`. key : see `Journals.key`. errors : (2, 2) of what the method began with and of its answer, by part."""
+    """The document; ids : see `register`. errors : (2, 2) of what the method began with and of its answer, by part.
+
+    key : see `Journals.key`.
+    """
     cut = question.data
     nominal, answer = errors.tolist()
     tested = cut.parts.test.any()

@@ -150,7 +150,10 @@ def not_ranked(made: Diagnosed, options: DiagnosisOptions) -> Iterator[str]:
     held = {t.effect.id for point in (*scored, made.found.base) for t in point.hypothesis.terms}
     offered = {term.effect.id for term in made.problem.terms}
     small = {name for naming in rounds for name in naming.small}
-    reasons = {True: "its fitted size is below half the weak one", False: "others promised more in a first look"}
+    reasons = {
+        True: "its fitted size is below half the weak one",
+        False: "others promised more in a first look",
+    }
     left = [name for name in options.effects or () if name in offered - held]
     if left:
         yield f"not ranked: {', '.join(f'{name} ({reasons[name in small]})' for name in left)}"

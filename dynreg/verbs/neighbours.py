@@ -248,7 +248,9 @@ def _traces(case: Case, chosen: Choice) -> tuple[Trace, ...]:
 
 def _alarm(judgement: Judgement) -> tuple[str | None, tuple[str, ...]]:
     """The text of the alarm (None where the answer errs as those of the family's robots would), and the notes."""
-    usual = "a simulator that is right would, with the noise of sensors, disturbed drives and finer time steps"
+    usual = (
+        "a simulator that is right would, with the noise of sensors, disturbed drives and finer time steps"
+    )
     size, limit = f"the answer errs {judgement.misfit:.2g} times as much as {usual}", judgement.misfit_limit
     unsteady = ()
     ended = (
@@ -269,9 +271,7 @@ def _alarm(judgement: Judgement) -> tuple[str | None, tuple[str, ...]]:
         if judgement.sharpened
         else "No search about it was made (--no-synthesise, or a small --budget): another simulator may fit"
     )
-    alarm = (
-        f"{size}, above the limit of {limit:.2g}. {why}. The table of channels shows the largest errors"
-    )
+    alarm = f"{size}, above the limit of {limit:.2g}. {why}. The table of channels shows the largest errors"
     return alarm, unsteady
 
 
