@@ -1,6 +1,6 @@
 """`dynreg populate`: fill the registry with simulators of a robot."""
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -9,9 +9,6 @@ from dynreg.cli.options import RobotFolder
 from dynreg.errors import command
 from dynreg.verbs.populate import PopulateSettings
 from dynreg.verbs.settings import Option
-
-if TYPE_CHECKING:
-    from dynreg.registry import Registry
 
 
 def populate(
@@ -28,20 +25,15 @@ def populate(
     Example: dynreg populate servo_pendulum -n 1000
     """
     Option("A number.", least=1).check("-n", n)
-    loaded = call.robot(robot, settings.ranges)  # a mistake here makes no registry
+    call.robot(robot, settings.ranges)  # a mistake here makes no registry
     with call.open(create=True) as session, call.progress() as progress:
         result = session.populate(robot, n, **vars(settings), progress=progress)
         if settings.dry_run:
             session.registry.take_away()  # where this call made it
-            hint = command("populate", robot, "-n", n)
-        else:
-            hint = _next(session.registry, robot, loaded.hash)
+    if settings.dry_run:
+        hint = command("populate", robot, "-n", n)
+    elif result.recording:
+        hint = command("query", result.recording)
+    else:
+        hint = command("ingest", "LOG", "--robot", robot)
     call.emit(result, hint=hint)
-
-
-def _next(registry: "Registry", robot: str, own: str) -> str:
-    """A query of the recording of this robot (its hash) that was ingested last; an ingest where there is none."""
-    infos = [info for info in registry.recordings() if own in (info.robot_hash, *info.robots)]
-    if not infos:
-        return command("ingest", "LOG", "--robot", robot)
-    return command("query", infos[-1].name_with(own))

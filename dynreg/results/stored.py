@@ -24,7 +24,11 @@ class Expected(Result):
 
 
 class PopulationSummary(Result):
-    """A registered population and what `populate` did; expected : what it would do, of a dry run."""
+    """A registered population and what `populate` did; expected : what it would do, of a dry run.
+
+    recording : what the recording of this robot is called that was ingested last, which can be asked about; null without
+    one.
+    """
 
     schema_: Literal["dynreg/population/1"] = Field(default="dynreg/population/1", alias="schema")
     population: str
@@ -39,6 +43,7 @@ class PopulationSummary(Result):
     own_loss_median: float | None = None
     linked: int = 0
     evaluations: int = 0
+    recording: str | None = None
     expected: Expected | None = None
 
 
