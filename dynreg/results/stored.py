@@ -26,8 +26,7 @@ class Expected(Result):
 class PopulationSummary(Result):
     """A registered population and what `populate` did; expected : what it would do, of a dry run.
 
-    recording : what the recording of this robot is called that was ingested last, which can be asked about; null without
-    one.
+    recording : what the recording of this robot is called that was ingested last; null where there is none.
     """
 
     schema_: Literal["dynreg/population/1"] = Field(default="dynreg/population/1", alias="schema")
