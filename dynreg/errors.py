@@ -135,15 +135,21 @@ class Renewed(UserWarning):
     """Files of an older registry that are written anew in the present form."""
 
 
-def one_of(names: Iterable[str], given: object = "") -> str:
+def one_of(names: Iterable[str], given: object = "", none: str = "there is nothing to name") -> str:
     """What to expect where a name is none of `names`: these or, of many, those that `given` may have meant.
+
+    none : what is said where there are no names at all.
 
     >>> one_of(["backlash", "payload"], "paylod")
     "one of 'backlash', 'payload'"
     >>> one_of([f"joint_{i}" for i in range(30)] + ["payload"], "paylod")
     "one of 31 names (near: 'payload')"
+    >>> one_of([], "wide", none="robot.toml has no named ranges")
+    'none: robot.toml has no named ranges'
     """
     known = list(names)
+    if not known:
+        return f"none: {none}"
     if len(known) <= LISTED:
         return f"one of {', '.join(map(repr, known))}"
     if near := difflib.get_close_matches(str(given), known, n=5):

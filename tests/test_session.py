@@ -169,6 +169,7 @@ def test_growing_a_population_is_seen_by_the_next_question(registry_folder: Path
             growing.query("bench", k=9, budget=20)
         grown = growing.populate("servo_pendulum", 10, training=tiny_registry.QUICK)
         assert (grown.added, grown.entries, grown.linked) == (2, 10, 10)
+        assert grown.recording == "bench"
         assert len(growing.query("bench", k=9, budget=20).neighbours) == 9
 
 

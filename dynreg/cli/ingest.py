@@ -30,11 +30,11 @@ def ingest(
 
     Example: dynreg ingest run1.mcap run2.mcap --robot servo_pendulum --map my_map.toml --name monday
     """
-    from dynreg.registry.recordings import check_name
     from dynreg.verbs.diagnose import first_command
+    from dynreg.verbs.ingest import require_name
     from dynreg.verbs.subjects import read_log
 
-    check_name(name)
+    require_name(name)
     loaded = call.robot(robot)
     with call.progress() as progress:
         recording = read_log(logs, loaded, log_map, progress)  # before a registry is made for it

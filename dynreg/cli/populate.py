@@ -30,9 +30,10 @@ def populate(
         result = session.populate(robot, n, **vars(settings), progress=progress)
         if settings.dry_run:
             session.registry.take_away()  # where this call made it
-    hint = (
-        command("populate", robot, "-n", n)
-        if settings.dry_run
-        else command("ingest", "LOG", "--robot", robot)
-    )
+    if settings.dry_run:
+        hint = command("populate", robot, "-n", n)
+    elif result.recording:
+        hint = command("query", result.recording)
+    else:
+        hint = command("ingest", "LOG", "--robot", robot)
     call.emit(result, hint=hint)

@@ -41,12 +41,16 @@ class Scored:
 
 @dataclass(frozen=True)
 class Naming:
-    """One round: its start, the ranking, the chosen hypothesis and its equivalents."""
+    """One round: its start, the ranking, the chosen hypothesis and its equivalents.
+
+    small : ids of effects that were fitted and left out of the ranking, as their sizes are below half the weak ones.
+    """
 
     start: Scored
     ranking: tuple[Scored, ...]
     chosen: Scored | None = None
     equivalent: tuple[Scored, ...] = ()
+    small: tuple[str, ...] = ()
 
 
 def confirmed(data: Data, residuals: np.ndarray) -> np.ndarray:
@@ -89,15 +93,18 @@ def score(
     residuals = yield from model.residuals([base, *fitted], data.sample(data.both))
     likelihood = gained(data, residuals)
     best: dict[str, Scored] = {}
+    small: dict[str, None] = {}
     for i, point in enumerate(fitted, start=1):
         more = len(point.effect) - len(base.effect)
         nats = likelihood[i] - PER_PARAMETER * more - (point.penalty - base.penalty)
         if not worth_naming(point.hypothesis, point.effect):
+            small[point.hypothesis.terms[-1].effect.id] = None
             continue
         scored = Scored(point, float(nats))
         if scored.key not in best or best[scored.key].nats < scored.nats:
             best[scored.key] = scored
-    return chosen(Scored(base, 0.0), tuple(sorted(best.values(), key=lambda s: -s.nats)))
+    named = chosen(Scored(base, 0.0), tuple(sorted(best.values(), key=lambda s: -s.nats)))
+    return replace(named, small=tuple(small))
 
 
 def chosen(start: Scored, ranking: tuple[Scored, ...]) -> Naming:
@@ -115,4 +122,5 @@ def chosen(start: Scored, ranking: tuple[Scored, ...]) -> Naming:
 def lowered(naming: Naming, less: Mapping[str, float]) -> Naming:
     """The naming with so many nats less for the hypotheses of these keys, and chosen again."""
     ranking = [replace(s, nats=s.nats - less.get(s.key, 0.0)) for s in naming.ranking]
-    return chosen(naming.start, tuple(sorted(ranking, key=lambda s: -s.nats)))
+    again = chosen(naming.start, tuple(sorted(ranking, key=lambda s: -s.nats)))
+    return replace(again, small=naming.small)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
-from dynreg.errors import RobotError
+from dynreg.errors import RobotError, one_of
 from dynreg.gait.family import Family
 from dynreg.gait.locus import Locus
 from dynreg.gait.poses import Poses
@@ -38,7 +38,7 @@ def gait_space(robot: Robot, motion: str | None = None) -> Family:
             f"robot {robot.name!r} has no " + ("walking task" if motion is None else f"motion {motion!r}"),
             expected="[gait] with its legs and roles, and [[tasks]], in robot.toml"
             if motion is None
-            else f"one of {list(tables)}",
+            else one_of(tables, motion, "robot.toml has no [[motions]]"),
             do="add them, or name a robot that walks, such as 'quadruped'",
         )
     offered = [kind for kind, family in families().items() if isinstance(table, family.told_by)]

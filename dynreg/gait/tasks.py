@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from dynreg.errors import RobotError, UsageError
+from dynreg.errors import RobotError, UsageError, one_of
 from dynreg.plugins import with_plugins
 from dynreg.sim.gait_tables import TaskTable
 from dynreg.sim.layout import BASE
@@ -208,14 +208,14 @@ def task_of(robot: Robot, name: str | None = None) -> Task:
     if name is not None and name not in tables:
         raise UsageError(
             f"robot {robot.name!r} has no task {name!r}",
-            expected=f"one of {list(tables)}",
+            expected=one_of(tables, name),
             do="choose one of them, or add it to robot.toml",
         )
     table = tables[name or next(iter(tables))]
     if table.kind not in kinds():
         raise RobotError(
             f"task {table.name!r} is of unknown kind {table.kind!r}",
-            expected=f"one of {list(kinds())}",
+            expected=one_of(kinds(), table.kind),
             do="correct it, or install the plugin that brings it",
         )
     kind = kinds()[table.kind]

@@ -11,8 +11,10 @@ held against the limit is what would be left if the promise were kept twice. (Se
 this, one was left at 2.6 times its twins' error with a promise of 0.55, one at 1.4 with 0.80, others near 1 with at
 least 0.98; with a cause the promise is above 0.96.)
 
-An answer that nobody sharpened is off by what the search left, too. There the best of the simulators that were replayed
-are taken for the robot in turn, and the best of the others for the answer.
+An answer that nobody sharpened is held against the same limit, whatever its search left: above it the answer is not
+close, and only a search can say whether another simulator of the family is. (The best of those replayed were once taken
+for the robot in turn, each with the best of the others for its answer. Thirty simulators of a cartpole that lie far
+apart then gave a limit of 34 times the usual error, and "use" was said where a sharpened answer, nearer by far, rang.)
 """
 
 from dataclasses import dataclass
@@ -39,8 +41,8 @@ class Judgement:
     error : of the answer; usual : median of those of robots of the family; limit : what one more of these would stay
     below, infinite where they are too few to tell. unsteady : how many times larger both are as the robot repeats its
     runs less well than twins do, 1 where it does not. repeats : pairs of runs by which this is known. sharpened :
-    whether robots of the family are twins of the answer; else they are twins of the best simulators that were replayed.
-    promised : share of the error that the linear model about the answer would leave; 1 where its search has ended.
+    whether a search about the answer has looked for a better one. promised : share of the error that the linear model
+    about the answer would leave; 1 where its search has ended, and where there was none.
     """
 
     error: float
@@ -75,22 +77,16 @@ class Judgement:
 def judge(
     replayer: Replayer, values: np.ndarray, chosen: np.ndarray, seed: int, *, promised: float | None
 ) -> Judgement:
-    """The judgement of the answer, the first of simulators (n, P), in the windows `chosen`.
+    """The judgement of the answer, with parameters (1, P), in the windows `chosen`.
 
-    values : of the answer alone where it was sharpened; else those of the best others, one at least, behind it.
     promised : see `sharpen.promised`; None where it was not sharpened.
     """
-    sharpened = promised is not None
     robot, windows = replayer.robot, replayer.windows.take(chosen)
     many = TWINS if ENGINES[next(iter(robot.engines))].vectorised else FEWER
-    robots = np.repeat(values, many, axis=0) if sharpened else values
     states = replayer.states(values, chosen)
-    measured = run(twins(robot, windows, robots, seed), threads=replayer.threads)
-    error = float(errors(replayer.against(states[:1], windows.measured)).mean())
-    left = np.array([errors(replayer.against(states, one)).mean(axis=1) for one in measured])
-    if not sharpened:
-        np.fill_diagonal(left, np.inf)  # nobody is its own answer
-    left = left.min(axis=1)
+    measured = run(twins(robot, windows, np.repeat(values, many, axis=0), seed), threads=replayer.threads)
+    error = float(errors(replayer.against(states, windows.measured)).mean())
+    left = np.array([float(errors(replayer.against(states, one)).mean()) for one in measured])
     usual = float(np.median(left))
     limit = max(_limit(left), LEAST * usual)
     pairs = repeated_windows(robot, windows)
@@ -101,8 +97,8 @@ def judge(
         limit=limit * unsteady,
         unsteady=unsteady,
         repeats=len(pairs),
-        sharpened=sharpened,
-        promised=promised if sharpened else 1.0,
+        sharpened=promised is not None,
+        promised=1.0 if promised is None else promised,
     )
 
 

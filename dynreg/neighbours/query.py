@@ -9,7 +9,7 @@ from dynreg.distance.population import Population
 from dynreg.distance.query import DistanceQuery, OwnModel
 from dynreg.evidence.gaussian import Gaussian
 from dynreg.neighbours.intervals import Evidence, Interval, estimates
-from dynreg.neighbours.judge import TWINS, Judgement, judge
+from dynreg.neighbours.judge import Judgement, judge
 from dynreg.neighbours.make import Replaying, make
 from dynreg.neighbours.retrieve import Retrieved
 from dynreg.neighbours.sharpen import Made, promised
@@ -173,10 +173,8 @@ def choose(case: Case, found: Retrieved, spending: Spending) -> Choice:
 
 
 def _judgement(case: Case, replays: Replays, answer: int, ended: float | None) -> Judgement:
-    """Of the answer beside its twins, over all windows; of one that was not sharpened, beside the best others."""
-    others = [i for i in np.argsort(replays.score, kind="stable") if i != answer][:TWINS]
-    judged = [answer, *others] if ended is None else [answer]
-    values = case.data.values_of(replays.unit[judged])
+    """Of the answer beside its twins, over all windows; ended : see `sharpen.promised`, None without a search."""
+    values = case.data.values_of(replays.unit[[answer]])
     every = np.arange(len(case.data.windows))
     return judge(case.replayer, values, every, case.population.shared.seed, promised=ended)
 

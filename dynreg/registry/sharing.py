@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import dynreg.registry.disk as disk
-from dynreg.errors import RegistryError
+from dynreg.errors import RegistryError, command
 from dynreg.registry.bucket import Bucket
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import CACHE, FOLDERS, LEDGER, LOCKS, is_temporary, read_regular, write_file
@@ -72,18 +72,24 @@ def share(path: Path, told: Shared, lost: bool = False) -> None:
 
     lost : whether its catalogue is lost, so that an empty database is to take its place.
 
-    Raises UsageError for odd addresses, RegistryError where they cannot be reached, `path` is something else already,
-    or catalogue and bucket are not of the same registry.
+    The addresses are looked at first. Raises UsageError for odd ones, RegistryError where they cannot be reached,
+    `path` is something else already, or catalogue and bucket are not of the same registry.
     """
+    address(told.catalog)
+    bucket = Bucket(told.blobs)
     known = shared_at(path)
+    if known is None and _is_registry(path):
+        raise RegistryError(
+            f"{str(path)!r} is a registry in one folder",
+            expected="an empty place for a new folder",
+            do=f"name another one with --registry, and then `{command('import', path)}` there brings it along",
+        )
     if known not in (None, told) or (known is None and _is_taken(path)):
         raise RegistryError(
             f"{str(path)!r} is {'a face of another registry' if known else 'something else already'}",
             expected="an empty place for a new folder",
             do="name another one with --registry",
         )
-    address(told.catalog)
-    bucket = Bucket(told.blobs)
     bucket.check()
     catalog = ServedCatalog(told.catalog, bucket, migrate=not lost)
     try:
@@ -135,6 +141,14 @@ def open_shared(path: Path, told: Shared, migrate: bool = True) -> Directory:
         disk.make_folder(path / name)
     bucket = Bucket(told.blobs, kept=path / CACHE / PARTS)
     return Directory(path, ServedCatalog(told.catalog, bucket, migrate), bucket=bucket)
+
+
+def _is_registry(path: Path) -> bool:
+    """Whether an ordinary registry lies there."""
+    try:
+        return read_marker(path) is not None
+    except OSError:
+        return False
 
 
 def _is_taken(path: Path) -> bool:

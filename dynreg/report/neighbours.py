@@ -25,6 +25,10 @@ STAGES = {
 def verdict(result: Neighbours) -> str:
     """The answer in one short sentence."""
     name = result.recording_name
+    if result.untested:
+        return f"For {name}, {_answer(result)} is the nearest: not known whether it is close."
+    if result.far:
+        return f"No simulator that was replayed is close to {name}: do not rely on the best one."
     if not result.fits:
         return f"No simulator of this population fits {name}: do not rely on the best one."
     if result.answer_kind == "nominal":
@@ -56,6 +60,8 @@ def next_steps(result: Neighbours) -> tuple[str, ...]:
     """What to do next, the most important step first."""
     steps = []
     diagnose = command("diagnose", result.recording_name)
+    if result.far:
+        steps.append(f"Search for a simulator that fits: {command('query', result.recording_name)}")
     if not result.fits:
         steps.append(f"Ask what the model lacks: {diagnose}")
         steps.append(f"Check the log: dynreg doctor LOG --robot {result.robot}")
@@ -68,6 +74,8 @@ def next_steps(result: Neighbours) -> tuple[str, ...]:
         )
     if result.unclear:
         steps.append(f"Ask what all of them lack: {diagnose}")
+    elif result.untested:
+        steps.append(f"See whether it is close: {command('query', result.recording_name)}")
     elif result.fits:
         export = command("export", result.answer[:12], "--as", "robot", "--to", "FOLDER")
         steps.append(f"Export the simulator as a robot folder: {export}")
@@ -80,6 +88,12 @@ def refusal(result: Neighbours) -> NoMatchError | None:
     if result.fits:
         return None
     diagnose = command("diagnose", result.recording_name)
+    if result.far:
+        return NoMatchError(
+            f"no simulator that was replayed is close to {result.recording_name!r}: {result.alarm}",
+            expected="one that errs as a right one would",
+            do=f"search for it with `{command('query', result.recording_name)}`, or populate more simulators",
+        )
     return NoMatchError(
         f"no simulator fits {result.recording_name!r}: {result.alarm or 'the recording is out of distribution'}",
         expected=f"a recording that population {result.population[:12]} of {result.robot} can explain",

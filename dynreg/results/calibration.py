@@ -119,7 +119,8 @@ class Calibration(Result):
     the recording without its held-out part and on that part (null without one). parts : episodes of the fit, select and
     test part; null in results of version 1. ended : why the method ended: "budget", "converged", "nothing to fit",
     "episodes", "plan" where all generations of one were run, "iterations", "goal" where a task was met, what budget of
-    trials is spent, or the verdict of a diagnosis. population : id of the one that was searched.
+    trials is spent, or the verdict of a diagnosis. population : id of the one that was searched. question : hash of the
+    recording, the robot, the method and its settings, by which a finished one is found again; null in older documents.
     """
 
     schema_: Literal["dynreg/calibration/2"] = Field(default="dynreg/calibration/2", alias="schema")
@@ -139,6 +140,7 @@ class Calibration(Result):
     ended: str = ""
     population: str | None = None
     seed: int | None = None
+    question: str | None = None
     on_robot: OnRobot | None = None
     cost: CalibrationCost
 

@@ -97,7 +97,9 @@ class Neighbours(Result):
     of the same commands. It is about 1 for a robot of the family. misfit_limit : 99 % of the robots of the family stay
     below, and it is never under 1.5; above it the alarm is raised, unless the search had not ended. Both are null where
     nothing was replayed, the limit also where too few simulators were. In documents without a limit, misfit is the
-    error over the spread of the neighbours. cost : without these simulated robots.
+    error over the spread of the neighbours. sharpened : whether a search about the answer looked for a better one: an
+    answer without it that does not fit leaves open whether another simulator of the family does. Null where nothing was
+    replayed, and in older documents. cost : without these simulated robots.
     simulators : entries of the population; `cost.evaluations` of them were evaluated. Null in older documents.
     """
 
@@ -123,6 +125,7 @@ class Neighbours(Result):
     fits: bool
     misfit: float | None = None
     misfit_limit: float | None = None
+    sharpened: bool | None = None
     alarm: str | None
     notes: tuple[str, ...] = ()
     cost: Cost
@@ -138,6 +141,16 @@ class Neighbours(Result):
         if self.answer_kind == "nominal" or self.gain is None or self.gain.low is None:
             return False
         return self.gain.low <= 0.0
+
+    @property
+    def far(self) -> bool:
+        """Whether the answer does not fit, and no search looked for one that does."""
+        return not self.fits and self.sharpened is False
+
+    @property
+    def untested(self) -> bool:
+        """Whether nothing was replayed: how close the nearest simulator is is not known."""
+        return self.nominal.replay_error is None
 
     @property
     def reliance(self) -> str:
@@ -162,11 +175,15 @@ class Neighbours(Result):
 
     def brief(self) -> str:
         many = f"{len(self.neighbours)} neighbour{'' if len(self.neighbours) == 1 else 's'}"
-        fits = "fits" if self.fits else "does not fit"
+        fits = "not known whether it fits" if self.untested else "fits" if self.fits else "does not fit"
         return f"of {self.recording_name}: answer {self.answer[:12]}, {many}, {fits}"
 
     def __str__(self) -> str:
         gain = f": error {gain_words(self.gain, 'nominal')}" if self.gain else ""
+        if self.untested:
+            return f"{self.recording_name}: {self.answer[:12]} is the nearest, not known whether it is close"
+        if self.far:
+            return f"{self.recording_name}: {self.answer[:12]} is the best of those replayed, and not close{gain}"
         if not self.fits:
             return f"{self.recording_name}: no simulator of this population fits. The best is {self.answer[:12]}{gain}"
         if self.unclear:

@@ -25,7 +25,10 @@ class Expected(Result):
 
 
 class PopulationSummary(Result):
-    """A registered population and what `populate` did; expected : what it would do, of a dry run."""
+    """A registered population and what `populate` did; expected : what it would do, of a dry run.
+
+    recording : what the recording of this robot is called that was ingested last; null where there is none.
+    """
 
     schema_: Literal["dynreg/population/1"] = Field(default="dynreg/population/1", alias="schema")
     population: str
@@ -40,6 +43,7 @@ class PopulationSummary(Result):
     own_loss_median: float | None = None
     linked: int = 0
     evaluations: int = 0
+    recording: str | None = None
     expected: Expected | None = None
 
 

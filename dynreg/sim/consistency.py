@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from dynreg.data.names import joint_of
-from dynreg.errors import RobotError
+from dynreg.errors import RobotError, one_of
 from dynreg.sim.sets import parse
 from dynreg.sim.spec import RobotFile
 from dynreg.tomlfile import Location, line_of
@@ -77,7 +77,7 @@ def _populations(file: RobotFile) -> Iterator[Problem]:
                 yield (
                     location,
                     f"unknown parameter {name!r}",
-                    f"one of {list(scales)}",
+                    one_of(scales, name, "robot.toml has no parameters"),
                     "correct its spelling",
                 )
             elif scales[name] == "log" and low <= 0:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from fnmatch import fnmatchcase
 
-from dynreg.errors import RobotError
+from dynreg.errors import RobotError, one_of
 from dynreg.sim.spec import RobotFile
 from dynreg.tomlfile import Location, line_of
 
@@ -34,7 +34,12 @@ def material_problems(file: RobotFile, geoms: Sequence[str]) -> Iterator[Problem
             own |= found
             if not found:
                 problem = f"material {table.name!r}: no geom is named {glob!r}"
-                yield location, problem, f"one of {[g for g in geoms if g]}", "correct it, or name the geom"
+                yield (
+                    location,
+                    problem,
+                    one_of([g for g in geoms if g], "", "the model names no geom"),
+                    "correct it, or name the geom",
+                )
         for i in sorted(own & {*owner}):
             problem = f"geom {geoms[i]!r} is of two materials, {owner[i]!r} and {table.name!r}"
             yield location, problem, "one material for each geom", "correct `geoms` of one of them"

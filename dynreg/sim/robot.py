@@ -11,7 +11,7 @@ import numpy as np
 from dynreg.data.names import joint_of
 from dynreg.data.recording import Recording
 from dynreg.data.schema import ChannelSpec, RecordingSpec
-from dynreg.errors import LogError, RobotError, UsageError
+from dynreg.errors import LogError, RobotError, UsageError, one_of
 from dynreg.folder import TOML, Folder, read_folder
 from dynreg.sim.closed import check_closed
 from dynreg.sim.consistency import check_consistency
@@ -153,7 +153,7 @@ class Robot:
         if engine is not None and engine not in offered:
             raise UsageError(
                 f"robot {self.name!r} has no engine {engine!r}",
-                expected=f"one of {list(offered)}",
+                expected=one_of(offered, engine),
                 do="choose one of them, or add it to robot.toml",
             )
         return engine or offered[0]
@@ -258,7 +258,7 @@ def robot_files(ref: str | Path) -> tuple[Folder, Path]:
     if not (folder / TOML).is_file():
         raise RobotError(
             f"no robot {str(ref)!r}",
-            expected=f"one of {list(packaged)} or a folder with robot.toml and its MJCF model",
+            expected=f"{one_of(packaged, ref)}, or a folder with robot.toml and its MJCF model",
             do="see `dynreg robots`",
         )
     return read_folder(folder, links=folder in packaged.values()), folder.resolve()
@@ -317,8 +317,8 @@ def with_population(robot: Robot, ranges: str) -> Robot:
     if ranges not in robot.file.populations:
         raise UsageError(
             f"robot {robot.name!r} has no population {ranges!r}",
-            expected=f"one of {sorted(robot.file.populations)}",
-            do="correct the name, or add it to robot.toml",
+            expected=one_of(sorted(robot.file.populations), ranges, "robot.toml has no named ranges"),
+            do="correct the name, or add it to robot.toml as [populations.NAME.ranges]",
         )
     space = robot.space.with_ranges(robot.file.populations[ranges].ranges)
     return replace(robot, space=space)

@@ -11,7 +11,7 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
-from dynreg.errors import RobotError
+from dynreg.errors import RobotError, one_of
 
 _FORM = re.compile(
     r"^(?P<root>mj|port|control|modifier)\.(?P<path>[A-Za-z_][A-Za-z0-9_.]*)"
@@ -100,7 +100,7 @@ def _check_choice(text: str, given: str, choices: tuple[str, ...]) -> None:
     if given not in choices:
         raise RobotError(
             f"sets entry {text!r} names {given!r}",
-            expected=f"one of {list(choices)}",
+            expected=one_of(choices, given),
             do="correct the entry",
         )
 
@@ -113,7 +113,7 @@ def matching(names: list[str], patterns: tuple[str, ...], text: str) -> np.ndarr
         if not hits:
             raise RobotError(
                 f"sets entry {text!r}: nothing is named {pattern!r}",
-                expected=f"one of {[n for n in names if n]}",
+                expected=one_of([n for n in names if n], "", "the model names none"),
                 do="correct the element",
             )
         found.update(hits)

@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from dynreg.errors import UsageError
+from dynreg.errors import UsageError, one_of
 from dynreg.rng import stream
 
 SIZES = ("weak", "medium", "strong")
@@ -219,7 +219,7 @@ def cause(name: str) -> Cause:
     """The cause of that id; UsageError with the choices where there is none."""
     if name not in CAUSES:
         raise UsageError(
-            f"a hidden robot has no cause {name!r}", expected=f"one of {list(CAUSES)}", do="correct it"
+            f"a hidden robot has no cause {name!r}", expected=one_of(CAUSES, name), do="correct it"
         )
     return CAUSES[name]
 

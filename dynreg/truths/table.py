@@ -5,7 +5,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from dynreg.errors import UsageError
+from dynreg.errors import UsageError, one_of
 from dynreg.rng import stream
 from dynreg.truths.arms import CAUSES_OF_ARMS, Arm
 from dynreg.truths.causes import CAUSES, cause, drawn
@@ -30,7 +30,7 @@ def kind(name: str) -> Arm | Wheels:
     if name not in KINDS:
         raise UsageError(
             f"robot {name!r} has no independent truth",
-            expected=f"one of {list(KINDS)}",
+            expected=one_of(KINDS, name),
             do="choose one of these",
         )
     return KINDS[name]
@@ -58,7 +58,7 @@ def _check(name: str, hidden: str) -> None:
     if hidden not in able:
         raise UsageError(
             f"cause {hidden!r} in a hidden {name!r}",
-            expected=f"one of {list(able)}",
+            expected=one_of(able, hidden),
             do="choose one of these",
         )
 

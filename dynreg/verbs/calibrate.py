@@ -1,11 +1,12 @@
 """Calibrate: adapt a robot's simulator to a recording by one of many methods, with one answer for all of them."""
 
 import time
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dynreg.errors import NoMatchError, UsageError
+from dynreg.errors import Assumed, NoMatchError, UsageError
 from dynreg.methods.table import METHODS
 from dynreg.progress import Progress
 from dynreg.verbs.settings import Settings, hold_out, option, seed, threads
@@ -125,7 +126,7 @@ def calibrate(
     robot instead: it tries gaits there, and needs no recording, just a score of each trial.
 
     Every simulator on the way is registered, with its parent and what shaped it. An interrupted search resumes with
-    --resume.
+    --resume; of one that has ended the stored result is given.
 
     Example: dynreg calibrate monday --method cma --hold-out kp=400
     """
@@ -141,6 +142,8 @@ def calibrate(
     robot = asked.robot if population is None else population.shared.robot
     begin = begun_with(asked.registry, settings.start, robot, asked.recording.id)
     question, evidence, limits, journals = _posed(asked, settings, robot, begin, population, progress)
+    if settings.resume and (ended := _ended(asked, journals.key)) is not None:
+        return ended
     cut = question.data
     if begin is not None and (seen := shaped_by(asked, begin, cut.named["test"])):
         tell_seen("the start was shaped by", seen)
@@ -160,7 +163,22 @@ def calibrate(
         simulated_seconds=found.simulated,
         core_seconds=time.process_time() - worked,
     )
-    return document(asked, settings, question, population, found, ids, errors, cost)
+    return document(asked, settings, question, population, found, ids, errors, cost, journals.key)
+
+
+def _ended(asked: "Recorded", key: str) -> "Calibration | None":
+    """The stored result of the same calibration, which has ended and is told so; None where there is none."""
+    from dynreg.results.calibration import Calibration
+    from dynreg.verbs.newest import about
+
+    for record in about(asked.registry, "calibration", asked.recording.id):
+        if record.document.get("question") == key:
+            told = (
+                f"this calibration has ended: its result {record.id[:12]} is given, and nothing is computed"
+            )
+            warnings.warn(told, Assumed, 3)
+            return Calibration.model_validate(record.document)
+    return None
 
 
 def _require_wheels(robot: "Robot", settings: CalibrateSettings) -> None:

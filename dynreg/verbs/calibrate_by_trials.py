@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dynreg.adapt.tried import Rules
-from dynreg.errors import UsageError
+from dynreg.errors import RobotError, UsageError
 from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import Task, task_of
 from dynreg.methods.calibrator import Evidence, Limits, Question
@@ -62,7 +62,7 @@ def calibrate_by_trials(
     began, worked = time.perf_counter(), time.process_time()
     registry.check_writable()
     asked = Built(registry, robot_to_try(registry, subject, settings.method, robot))
-    task = task_of(asked.robot, settings.task)  # a mistake here makes no folder
+    task = _task(asked.robot, settings)  # a mistake here makes no folder
     rules = rules or Rules()
     rules = rules if settings.goal is None else replace(rules, goal=settings.goal)
     played = door_of(robot_door, registry, asked.robot, task, settings, log_map, say, rules.goal)
@@ -86,6 +86,18 @@ def calibrate_by_trials(
         registry.put_result(made.schema_name(), None, made.to_dict())
         journals.end()
     return made
+
+
+def _task(robot: Robot, settings: "CalibrateSettings") -> Task:
+    """The task of the trials; UsageError where the robot has none, as the method needs one."""
+    try:
+        return task_of(robot, settings.task)
+    except RobotError as error:
+        raise UsageError(
+            f"method {settings.method!r} needs a task to score: {error.problem}",
+            expected=error.expected,
+            do=error.do,
+        ) from None
 
 
 def require_recordings(
@@ -142,7 +154,7 @@ def _journals(
         "rules": asdict(rules),
         "trial": place,
     }
-    return Journals(asked.registry, question, how, settings.resume)
+    return Journals(asked.registry, question, how, settings.resume, elsewhere=True)
 
 
 def _budget(settings: "CalibrateSettings") -> Budget:

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 from dynreg.errors import DynregError, NoMatchError, RobotError, UsageError
 from dynreg.progress import Progress
-from dynreg.verbs.newest import newest_for
+from dynreg.verbs.newest import about, newest_for
 from dynreg.verbs.settings import Settings, hold_out, option, seed, threads
-from dynreg.verbs.simulators import NAMES, NOMINAL, OLD, RECOMMENDED, simulator
+from dynreg.verbs.simulators import NAMES, NOMINAL, OLD, RECOMMENDED, WORDS, simulator
 
 if TYPE_CHECKING:
     from dynreg.compare.compare import Compared
@@ -34,7 +34,7 @@ class CompareSettings(Settings):
         repeated=True,
         old=OLD,
     )
-    hold_out: str | None = hold_out()
+    hold_out: str | None = hold_out("what no simulator was fitted to")
     models: tuple[str, ...] | None = option(
         None,
         "Models to make of a wheeled robot's commands.",
@@ -69,7 +69,8 @@ def compare(asked: "Recorded", settings: CompareSettings, progress: Progress | N
     from dynreg.verbs.comparison import document
 
     began = time.perf_counter()
-    chosen = named(asked, found(asked) if settings.simulators is None else settings.simulators)
+    refs = found(asked) if settings.simulators is None else settings.simulators
+    chosen = named(asked, refs)
     on_wheels = steering(asked.robot) is not None
     models = (settings.models if settings.models is not None else MODELS) if on_wheels else ()
     if settings.models and not on_wheels:
@@ -84,6 +85,7 @@ def compare(asked: "Recorded", settings: CompareSettings, progress: Progress | N
     commands = _commands(asked, chosen, plan, progress) if on_wheels else None
     scored, notes = _scored(asked, chosen, settings, commands, progress)
     seconds = time.perf_counter() - began
+    notes = (*_without_cause(asked, refs), *notes)
     return document(asked, plan, chosen, scored, commands, notes, seconds)
 
 
@@ -102,14 +104,49 @@ def found(asked: "Recorded") -> tuple[str, ...]:
 
 
 def named(asked: "Recorded", refs: tuple[str, ...]) -> "dict[str, Simulator]":
-    """The simulators that `refs` name, each once, however often it is named, and each by a name of its own."""
-    found = [simulator(asked.registry, ref, asked.robot, asked.recording.id) for ref in refs]
-    once = {one.config.id: one for one in found}
-    names = [one.name for one in once.values()]
+    """The simulators that `refs` name, each once, however often it is named, and each by a name of its own.
+
+    The name begins with the words by which it was asked for: "diagnosed (calibrated 1a2b3c4d)".
+    """
+    once: dict[str, Simulator] = {}
+    words: dict[str, list[str]] = {}
+    for ref in refs:
+        one = simulator(asked.registry, ref, asked.robot, asked.recording.id)
+        once[one.config.id] = one
+        mine = words.setdefault(one.config.id, [])
+        mine += [ref] if ref in WORDS and ref not in mine else []
+    told = {identity: _called(one.name, words[identity]) for identity, one in once.items()}
+    many = [*told.values()]
     return {
-        one.name if names.count(one.name) == 1 else f"{one.name} {identity[:8]}": one
-        for identity, one in once.items()
+        name if many.count(name) == 1 else f"{name} {identity[:8]}": once[identity]
+        for identity, name in told.items()
     }
+
+
+def _called(name: str, words: list[str]) -> str:
+    """A simulator's name with the words before it; a single word with which it begins is not said twice.
+
+    >>> _called("synthesised 1a2b3c4d", ["synthesised"]), _called("extended 1a2b3c4d", ["diagnosed"])
+    ('synthesised 1a2b3c4d', 'diagnosed (extended 1a2b3c4d)')
+    """
+    return f"{', '.join(words)} ({name})" if words and words != name.split()[:1] else name
+
+
+def _without_cause(asked: "Recorded", refs: tuple[str, ...]) -> tuple[str, ...]:
+    """A note where the newest diagnosis named no cause: "diagnosed" is then its calibrated simulator."""
+    told = [
+        record
+        for record in (about(asked.registry, "diagnosis", asked.recording.id) if "diagnosed" in refs else ())
+        if record.document.get("robot", asked.robot.name) == asked.robot.name
+    ]
+    if not told or told[0].document.get("extended_simulator"):
+        return ()
+    note = f"the newest diagnosis, {told[0].id[:12]}, named no cause: diagnosed is its calibrated simulator"
+    earlier = next((one for one in told[1:] if one.document.get("extended_simulator")), None)
+    if earlier is None:
+        return (note,)
+    causes = ", ".join(one["effect"] for one in earlier.document.get("causes", ())) or "a cause"
+    return (f"{note}. An earlier one, {earlier.id[:12]}, named {causes}: --with {earlier.id[:12]}",)
 
 
 def _require_two(models: tuple[str, ...], chosen: "dict[str, Simulator]") -> None:

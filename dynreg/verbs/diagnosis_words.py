@@ -106,6 +106,7 @@ def notes(
     out += not_looked_for(made.problem, options)
     if made.verdict != "none":
         out += not_driven(made.problem.model.robot, seen.where)
+    out += not_ranked(made, options)
     if made.evidence.noise.basis == "stated_noise":
         out.append(
             "no run was repeated: the residual is compared with the stated sensor noise, the least that any simulator "
@@ -164,6 +165,22 @@ def not_looked_for(problem: Problem, options: DiagnosisOptions) -> Iterator[str]
     for why in dict.fromkeys(left.values()):
         names = [name for name, reason in left.items() if reason == why]
         yield f"{', '.join(names)} {'was' if len(names) == 1 else 'were'} not looked for: {why}"
+
+
+def not_ranked(made: Diagnosed, options: DiagnosisOptions) -> Iterator[str]:
+    """A line on the candidates that were asked for and have no place in the ranking, with the reason of each."""
+    rounds = made.found.rounds
+    scored = (one.point for naming in rounds for one in naming.ranking)
+    held = {t.effect.id for point in (*scored, made.found.base) for t in point.hypothesis.terms}
+    offered = {term.effect.id for term in made.problem.terms}
+    small = {name for naming in rounds for name in naming.small}
+    reasons = {
+        True: "its fitted size is below half the weak one",
+        False: "others promised more in a first look",
+    }
+    left = [name for name in options.effects or () if name in offered - held]
+    if left:
+        yield f"not ranked: {', '.join(f'{name} ({reasons[name in small]})' for name in left)}"
 
 
 def identifiability_words(

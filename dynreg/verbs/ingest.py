@@ -5,10 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dynreg.data.recording import Recording
+from dynreg.errors import UsageError
 from dynreg.progress import Progress
 from dynreg.registry import RecordingInfo, Registry
+from dynreg.registry.recordings import check_name
 from dynreg.results.stored import RecordingSummary
 from dynreg.sim.robot import Robot
+from dynreg.verbs.simulators import NAMES
 from dynreg.verbs.subjects import read_log, register
 
 
@@ -32,6 +35,7 @@ def ingest(
     another robot's; nothing is registered then.
     """
     registry.check_writable()
+    require_name(name)
     recording = logs if isinstance(logs, Recording) else read_log(logs, robot, log_map, progress)
     report = progress or (lambda *_: None)
     report("store the recording", 0, 1)
@@ -48,6 +52,17 @@ def ingest(
     mine = [p.id for p in registry.populations() if p.robot_hash == robot.hash]
     told = {"version": version, "simulators": sum(map(registry.count, mine)), "notes": notes}
     return recording_summary(identity, recording, robot.name, called).model_copy(update=told)
+
+
+def require_name(name: str | None) -> None:
+    """UsageError for what cannot be a recording's name, and for a word that means a simulator."""
+    check_name(name)
+    if name in NAMES:
+        raise UsageError(
+            f"{name!r} cannot be a recording's name: it means a simulator",
+            expected=f"a name other than {', '.join(NAMES)}",
+            do="give another --name",
+        )
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,14 @@
 
 import hashlib
 import json
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from dynreg.errors import CorruptError, UsageError
+from dynreg.errors import Assumed, CorruptError, UsageError
 from dynreg.registry import Registry
 from dynreg.registry.files import LOCKS, try_lock
 from dynreg.search.journal import Journal, damage
@@ -18,14 +19,21 @@ from dynreg.search.journal import Journal, damage
 class Journals:
     """The journals of one calibration: what makes it this question, and how it is run.
 
-    Runs with other seeds or budgets have journals of their own, so that none overwrites another's.
+    Runs with other seeds or budgets have journals of their own, so that none overwrites another's. elsewhere : whether
+    something else than a journal may keep what an interrupted run did, as a folder of trials.
     """
 
     registry: Registry
     question: Mapping[str, Any]
     how: Mapping[str, Any]
     resume: bool
+    elsewhere: bool = False
     paths: list[Path] = field(default_factory=list)
+
+    @property
+    def key(self) -> str:
+        """What this question and how it is run are known by."""
+        return _hash({**self.question, **self.how})
 
     @contextmanager
     def held(self, stage: str) -> Iterator[None]:
@@ -64,7 +72,9 @@ class Journals:
             path.unlink(missing_ok=True)
 
     def of(self, stage: str) -> Journal:
-        """The journal of a stage. Raises UsageError for one to resume where only runs in other ways have left one.
+        """The journal of a stage; it is told where there is none to go on with, and the calibration begins.
+
+        Raises UsageError for one to resume where only runs in other ways have left one.
 
         Only the first stage tells: an interrupted run may not have come to the later ones.
         """
@@ -76,6 +86,8 @@ class Journals:
                 expected=f"the same {', '.join(self.how)}",
                 do="give those, or begin anew without --resume",
             )
+        if first and self.resume and not path.exists() and not self.elsewhere:
+            warnings.warn("nothing to go on with: the calibration begins", Assumed, 2)
         self.paths.append(path)
         return Journal(path, {**self.question, "stage": stage, **self.how}, resume=self.resume)
 

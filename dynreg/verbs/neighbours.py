@@ -142,6 +142,7 @@ def judged(subject: Subject, chosen: Choice) -> Neighbours:
         fits=chosen.judgement.fits,
         misfit=chosen.judgement.misfit,
         misfit_limit=chosen.judgement.misfit_limit,
+        sharpened=chosen.judgement.sharpened,
         alarm=alarm,
         notes=(
             *notes,
@@ -247,10 +248,9 @@ def _traces(case: Case, chosen: Choice) -> tuple[Trace, ...]:
 
 def _alarm(judgement: Judgement) -> tuple[str | None, tuple[str, ...]]:
     """The text of the alarm (None where the answer errs as those of the family's robots would), and the notes."""
-    if judgement.sharpened:
-        usual = "a simulator that is right would, with the noise of sensors, disturbed drives and finer time steps"
-    else:
-        usual = "the best other simulator does where one of those replayed is the robot"
+    usual = (
+        "a simulator that is right would, with the noise of sensors, disturbed drives and finer time steps"
+    )
     size, limit = f"the answer errs {judgement.misfit:.2g} times as much as {usual}", judgement.misfit_limit
     unsteady = ()
     ended = (
@@ -266,10 +266,12 @@ def _alarm(judgement: Judgement) -> tuple[str | None, tuple[str, ...]]:
         )
     if judgement.fits:
         return None, (size if limit is None else f"{size} (limit {limit:.2g})", *ended, *unsteady)
-    alarm = (
-        f"{size}, above the limit of {limit:.2g}. The model lacks an effect, or its parameter ranges are too narrow. "
-        "The table of channels shows the largest errors"
+    why = (
+        "The model lacks an effect, or its parameter ranges are too narrow"
+        if judgement.sharpened
+        else "No search about it was made (--no-synthesise, or a small --budget): another simulator may fit"
     )
+    alarm = f"{size}, above the limit of {limit:.2g}. {why}. The table of channels shows the largest errors"
     return alarm, unsteady
 
 

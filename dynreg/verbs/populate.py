@@ -136,7 +136,14 @@ def with_models(
         own_loss_median=float(median(own)) if len(own) else None,
         linked=linked,
         evaluations=evaluations,
+        recording=_recorded_last(registry, robot),
     )
+
+
+def _recorded_last(registry: "Registry", robot: "Robot") -> str | None:
+    """What the recording of a robot is called with it that was ingested last; None where there is none."""
+    mine = [info for info in registry.recordings() if robot.hash in (info.robot_hash, *info.robots)]
+    return mine[-1].name_with(robot.hash) if mine else None
 
 
 def with_effects(
@@ -173,4 +180,5 @@ def with_effects(
         seconds=time.perf_counter() - began,
         simulate_seconds=watch.seconds["simulate"],
         train_seconds=watch.seconds["train"],
+        recording=_recorded_last(registry, robot),
     )

@@ -35,6 +35,7 @@ class ScoredFolder(TrialFolder):
     what to measure.
     """
 
+    goes_on: ClassVar[str] = GO_ON
     answers: ClassVar[str] = f"{{name}}_score.txt or {TrialFolder.answers}"
 
     task: Task

@@ -112,7 +112,7 @@ def option(default: Any, help: str, **how: Any) -> Any:
 
 def threads() -> Any:
     """The setting that every verb has which simulates."""
-    return option(0, "Simulation threads.", usual="all cores", least=0, shared=True)
+    return option(0, "Simulation threads; 0 for all cores.", usual="all cores", least=0, shared=True)
 
 
 def executor() -> Any:
@@ -139,9 +139,11 @@ def method() -> Any:
     return option("cma", "Search method.", choices=tuple(SEARCHES), old={"cmaes": "cma"})
 
 
-def hold_out() -> Any:
+def hold_out(usual: str = "a fifth of the episodes; of one run, pieces of it") -> Any:
     """The setting that every verb has which keeps a part of the recording to judge by; see `replay.parts`."""
-    return option(None, "Held-out test part: a setting (kp=400), episodes (a,b) or a share (0.25).")
+    return option(
+        None, "Held-out test part: a setting (kp=400), episodes (a,b) or a share (0.25).", usual=usual
+    )
 
 
 @dataclass(frozen=True)

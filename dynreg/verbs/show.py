@@ -49,6 +49,7 @@ def _recording(registry: Registry, identity: str, ref: str) -> Shown:
         {
             **recording_summary(identity, registry.recording(identity), robot, name).to_dict(),
             "version": registry.robot_info(owner).version,
+            "also_called": [other for other in info.names if other != name],
         },
     )
 

@@ -149,7 +149,10 @@ def named(registry: "Registry", ref: str) -> Simulator:
 
     Raises NoMatchError where there is no such simulator, or no such result yet.
     """
-    kind, identity = registry.resolve(told_last(registry, ref), ("simulator", "entry", "result"))
+    try:
+        kind, identity = registry.resolve(told_last(registry, ref), ("simulator", "entry", "result"))
+    except NoMatchError as error:
+        raise _no_recording(registry, ref) or error from None
     if kind == "result":
         record = registry.result(identity)
         told = RECOMMENDED.get(record.kind)
@@ -158,6 +161,19 @@ def named(registry: "Registry", ref: str) -> Simulator:
             raise _no_simulator(ref, record)
         kind, identity = registry.resolve(recommended, ("simulator", "entry"))
     return stored(registry, kind, identity)
+
+
+def _no_recording(registry: "Registry", ref: str) -> NoMatchError | None:
+    """The error where a recording is named in place of a simulator; None where `ref` is no recording."""
+    try:
+        registry.resolve(ref, ("recording",))
+    except NoMatchError:
+        return None
+    return NoMatchError(
+        f"{ref!r} is a recording here, and no simulator",
+        expected=f"what a result found, one of {', '.join(WORDS)}, or the id of a simulator, an entry or a result",
+        do="name one, such as diagnosed; see `dynreg list --kind result`",
+    )
 
 
 def fitted_on(registry: "Registry", found: Simulator) -> tuple[Simulator, Document | None]:

@@ -46,6 +46,7 @@ class TrialFolder:
     """
 
     keeps: ClassVar[bool] = True  # see `ScoredRobot`: a trial of a name is not played again
+    goes_on: ClassVar[str] = "the same command goes on"
     answers: ClassVar[str] = "{name}_log.mcap (or .csv, .bag, ...)"
 
     path: Path
@@ -94,10 +95,11 @@ class TrialFolder:
     def _require_played(self, name: str) -> None:
         """UsageError for an answer to commands that were never written: no robot has played them."""
         if (found := self._answer(name)) is not None:
+            begun = any(self.path.glob("trial_*[0-9].csv"))  # whose answers a new folder would lose
             raise UsageError(
                 f"{str(found)!r} is there, and {name}.csv, to which it would be the answer, was never written",
                 expected="an answer after the robot has played the trial",
-                do="remove it, or name a new folder",
+                do=f"remove it; then {self.goes_on}" if begun else "remove it, or name a new folder",
             )
 
     def _log(self, name: str) -> Path | None:

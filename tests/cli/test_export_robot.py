@@ -159,3 +159,10 @@ def test_what_cannot_be_is_one_line(
     ended = dynreg("export", *arguments, "--registry", registry)
     assert ended.status == status and ended.out == "" and says in ended.err and ended.err.count("\n") == 1
     assert not (tmp_path / "taken").exists()
+
+
+def test_a_recording_is_no_simulator_and_what_to_name_is_said(stored, dynreg) -> None:
+    for name in ("@last", "bench"):
+        ended = dynreg("export", name, "--as", "robot", "--to", "taken", "--registry", stored[0])
+        assert ended.status == 4 and f"'{name}' is a recording here, and no simulator" in ended.err
+        assert "name one, such as diagnosed" in ended.err

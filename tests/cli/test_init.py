@@ -47,3 +47,15 @@ def test_init_repeats_no_password(dynreg, tmp_path):
     told = ("init", "--catalog", "postgresql://me:open-sesame@h/db", "--blobs", "s3://b/x")
     ended = dynreg(*told, "--registry", tmp_path / "new", "--debug")
     assert ended.status == 2 and "PGPASSWORD" in ended.err and "open-sesame" not in ended.err + ended.out
+
+
+def test_a_registry_in_one_folder_is_told_from_something_else_and_addresses_are_read_first(
+    dynreg, registry_folder, tmp_path
+):
+    folder = shutil.copytree(registry_folder, tmp_path / "mine")
+    blobs = ("--blobs", "s3://b/x", "--registry", folder)
+    ended = dynreg("init", "--catalog", "postgresql://me@h/db", *blobs)
+    assert ended.status == 1 and "is a registry in one folder" in ended.err
+    assert "name another one with --registry" in ended.err and f"dynreg import {folder}" in ended.err
+    ended = dynreg("init", "--catalog", "postgresql://me:open-sesame@h/db", *blobs)
+    assert ended.status == 2 and "password" in ended.err and "open-sesame" not in ended.err

@@ -59,6 +59,13 @@ def test_populate_passes_its_options_on(dynreg, session) -> None:
     assert named == told | {"progress": named["progress"]}
 
 
+def test_a_population_of_a_robot_with_a_recording_is_asked_about_it_next(dynreg, session) -> None:
+    told = "populate servo_pendulum -n 8".split()
+    assert "next: dynreg ingest LOG --robot servo_pendulum" in dynreg(*told).out
+    session.answers["populate"] = session.answers["populate"].model_copy(update={"recording": "monday"})
+    assert "next: dynreg query monday" in dynreg(*told).out
+
+
 def test_ingest_reads_the_log_before_it_makes_a_registry(dynreg, session) -> None:
     assert dynreg("ingest", "none.csv", "--robot", "servo_pendulum").status == 1
     assert not session.created and session.asked == []

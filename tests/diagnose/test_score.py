@@ -83,4 +83,5 @@ def test_what_is_below_half_its_weak_size_is_not_ranked():
     model, data = held_against_zero("resistance", rows=60)
     answer = lambda one: first_channel(one, NOISE)  # noqa: E731
     little = with_effect("payload", 0.0, size=1e-3)
-    assert answered(score(model, data, plain(0.0), [little]), answer).ranking == ()
+    naming = answered(score(model, data, plain(0.0), [little]), answer)
+    assert naming.ranking == () and naming.small == ("payload",)

@@ -148,6 +148,10 @@ def test_named_ranges_replace_the_parameters_own(write_robot: Callable[..., Path
     assert weak.hash == load_robot(folder).hash
     with pytest.raises(UsageError, match="'strong'.*weak"):
         load_robot(folder, "strong")
+    with pytest.raises(
+        UsageError, match=r"expected none: robot.toml has no named ranges; .*\[populations.NAME"
+    ):
+        load_robot(write_robot(), "wide")
 
 
 def test_a_log_without_optional_commands_is_ingested_but_not_replayed(tmp_path: Path):

@@ -139,8 +139,6 @@ def test_a_calibration_is_simulated_by_its_word(session: Session, found: dict[st
 def test_an_interrupted_calibration_goes_on_and_asks_for_the_same_settings(
     session: Session, place: Path
 ) -> None:
-    whole = asked(session, place, "es", seed=5, budget=30)
-
     def stop(stage: str, done: int, total: int) -> None:
         if done > 15:
             raise KeyboardInterrupt
@@ -150,7 +148,22 @@ def test_an_interrupted_calibration_goes_on_and_asks_for_the_same_settings(
     with pytest.raises(UsageError, match=r"nothing to resume with seed 6"):
         asked(session, place, "es", seed=6, budget=30, resume=True)
     again = asked(session, place, "es", seed=5, budget=30, resume=True)
+    whole = asked(session, place, "es", seed=5, budget=30)
     assert (again.parameters, again.history) == (whole.parameters, whole.history)
+
+
+def test_a_calibration_that_ended_is_given_as_it_is_stored(session: Session, place: Path) -> None:
+    with pytest.warns(Assumed, match="nothing to go on with: the calibration begins"):
+        first = asked(session, place, "random", seed=8, budget=4, resume=True)
+    held = len(session.list("result").rows())
+
+    def never(stage: str, done: int, total: int) -> None:
+        raise AssertionError("it is computed again")
+
+    with pytest.warns(Assumed, match="has ended: its result"):
+        again = asked(session, place, "random", seed=8, budget=4, resume=True, progress=never)
+    assert again.to_dict() == first.to_dict() and len(session.list("result").rows()) == held
+    assert asked(session, place, "random", seed=8, budget=5).question != first.question
 
 
 def test_several_recordings_are_fitted_together_and_a_stage_may_name_one(

@@ -41,11 +41,31 @@ def test_simulators_are_found_by_their_ids_and_by_results_that_recommend_one(
     refs = [identity, identity[:10], told_by, "diagnosed", "nominal", "nominal"]
     found = registry.compare("monday", models=["kinematic"], simulators=refs)
     extended, nominal, model = found.contenders
-    assert found.commands.names == (f"extended {identity[:8]}", "nominal", "kinematic")
+    assert found.commands.names == (f"diagnosed (extended {identity[:8]})", "nominal", "kinematic")
+    note = f"the newest diagnosis, {told_by[:12]}, named no cause: diagnosed is its calibrated simulator"
+    assert note in found.notes
     assert (extended.simulator, extended.kind) == (identity, "extended simulator")
     assert (extended.parameters, extended.effects) == (truth.values, DELAYED)
     assert (nominal.simulator, nominal.kind) == (None, "nominal simulator")
     assert (model.simulator, model.kind) == (None, "closed form")
+
+
+def test_an_earlier_diagnosis_that_named_a_cause_is_told(registry: Session, robot: Robot) -> None:
+    store, log = registry.registry, registry.recording("monday").id
+    kept = [
+        store.put_simulator(
+            config(robot, {"yaw_lag": lag}, DELAYED).as_dict() | {"lineage": {"kind": "extended"}}
+        )
+        for lag in (0.1, 0.2)
+    ]
+    cause = {"effect": "command_delay"}
+    store.put_result("diagnosis", log, {"extended_simulator": kept[0], "causes": [cause]})
+    earlier = store.latest("diagnosis", log).id[:12]
+    store.put_result("diagnosis", log, {"extended_simulator": None, "calibrated_simulator": kept[1]})
+    found = registry.compare("monday", models=["kinematic"], simulators=["nominal", "diagnosed"])
+    assert any(f"An earlier one, {earlier}, named command_delay: --with {earlier}" in n for n in found.notes)
+    alone = registry.compare("monday", models=["kinematic"], simulators=["nominal", earlier])
+    assert not any("named no cause" in note for note in alone.notes)
 
 
 def test_what_tells_no_simulator_is_refused(registry: Session) -> None:

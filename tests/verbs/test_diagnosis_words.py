@@ -16,7 +16,7 @@ from dynreg.verbs.diagnosis_words import at_the_edge, identifiability_words
         ("servo_pendulum", "dynreg diagnose sway"),
         ("double_pendulum", "dynreg diagnose sway"),
         ("husky", "dynreg diagnose sway"),
-        ("so101", "dynreg diagnose sway --windows 8 --threshold-runs 0"),
+        ("so101", "dynreg diagnose sway --windows 4 --horizon 2 --max-causes 1 --threshold-runs 0"),
         ("quadruped", "dynreg diagnose sway --windows 8 --threshold-runs 0"),
     ],
 )

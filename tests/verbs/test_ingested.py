@@ -3,8 +3,10 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import dynreg
+from dynreg.errors import UsageError
 from dynreg.report.stored import channel_words
 
 
@@ -27,3 +29,16 @@ def test_a_log_without_commands_is_ingested_and_says_so(tmp_path: Path):
     assert (
         "no commands ('base/speed_command' is missing)" in said and "query and diagnose cannot use it" in said
     )
+
+
+def test_a_word_that_means_a_simulator_names_no_recording_and_further_names_are_shown(tmp_path: Path):
+    rows = "".join(f"{0.1 * k:.1f},{np.sin(0.1 * k):.4f},0,0\n" for k in range(60))
+    (tmp_path / "drive.csv").write_text("time,base/speed,base/yaw_rate,imu/yaw_rate\n" + rows)
+    with dynreg.open(tmp_path / "registry") as session:
+        for word in ("nominal", "nearest", "diagnosed", "calibrated", "synthesised"):
+            with pytest.raises(UsageError, match=f"'{word}' cannot be .*: it means a simulator"):
+                session.ingest(tmp_path / "drive.csv", "husky", name=word)
+        for name in ("monday", "first"):
+            session.ingest(tmp_path / "drive.csv", "husky", name=name)
+        assert session.show("monday").detail["also_called"] == ["first"]
+        assert session.show("first").detail["also_called"] == ["monday"]

@@ -83,8 +83,26 @@ def test_an_answer_that_comes_before_its_trial_is_refused(
         measures(folder, name)
         measures(folder, "trial_2")
 
-    with pytest.raises(UsageError, match=r"trial_2_score.txt' is there, and trial_2.csv"):
-        calibrated(opened, brief, tmp_path / "trials", Person(tmp_path / "trials", writes_ahead))
+    folder = tmp_path / "trials"
+    with pytest.raises(
+        UsageError,
+        match=r"trial_2_score.txt' is there.*; remove it; then the same command with --resume goes on",
+    ):
+        calibrated(opened, brief, folder, Person(folder, writes_ahead))
+    (folder / "trial_2_score.txt").unlink()
+
+    def later(folder: Path, name: str) -> None:
+        measures(folder, f"trial_{int(name[6:]) + 1}")
+
+    person = Person(folder, later)
+    assert calibrated(opened, brief, folder, person, resume=True).cost.trials == 3
+    assert not any("trial 1 of" in line for line in person.asked), "the first trial is kept"
+
+
+def test_a_robot_without_a_task_lacks_what_trials_need(opened: Session, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="method 'btr' needs a task to score: robot 'servo_pendulum' has no"):
+        calibrated(opened, "servo_pendulum", tmp_path / "trials", print)
+    assert not (tmp_path / "trials").exists()
 
 
 def test_a_folder_of_another_question_is_refused(opened: Session, brief: Robot, tmp_path: Path) -> None:
