@@ -1,4 +1,4 @@
-"""The paper's cross-loss (D): its nearest by foreseeing, or as printed, by a walk over the graph (Algorithm 1).
+"""The paper's cross-loss (D): its nearest are foreseen, or found as printed, by a walk over the graph (Algorithm 1).
 
 Who is near to a recording by cross-loss is less its likeness than an entry's own: some, hubs, are near to everybody
 (measured: of the five nearest of a quadruped among 10,000, one in eight is among its 50 nearest by embedding, three
@@ -27,12 +27,12 @@ a walk over the graph 0.63 with 568, 0.73 with 760."""
 
 
 def held_out(asked: DistanceQuery) -> Ranked:
-    """Best-first, own losses on held-out rows."""
+    """By own losses on held-out rows."""
     return _rank(asked, asked.population.cross_loss, asked.rows.held)
 
 
 def training(asked: DistanceQuery) -> Ranked:
-    """Best-first, own losses on training rows, the query's too."""
+    """By own losses on training rows, the query's too."""
     return _rank(asked, asked.population.cross_loss_train, asked.rows.train)
 
 
@@ -50,7 +50,7 @@ def _rank(
 ) -> Ranked:
     """Entries by their distance to the recording, a new node of the graph that is judged on some of `rows`.
 
-    All that are allowed are judged with `exact`, and where a walk finds too few.
+    All that are allowed are judged with `exact`, and where the walk finds too few.
     """
     population = asked.population
     if population.graph is None:
@@ -63,14 +63,14 @@ def _rank(
     some = thin(len(x), JUDGED_ON, population.shared.seed, "query held")
     x, y = x[some], y[some]
     to = distance.query(asked.model, x, y, float(losses(asked.model, x, y)[0]))
-    walked = 0
+    before = 0
     if not asked.exact:
         with single_threaded():  # a step asks for too little to share among cores
             found = _printed(asked, to) if as_printed else _sought(asked, to, distance.own)
         if len(found.order) >= asked.at_least:
             return found
-        walked = found.evaluations  # asked for in vain, but asked for
-    return in_order(asked.allowed, to(asked.allowed), walked + len(asked.allowed))
+        before = found.evaluations  # asked for in vain, but asked for
+    return in_order(asked.allowed, to(asked.allowed), before + len(asked.allowed))
 
 
 def _printed(asked: DistanceQuery, to: To) -> Ranked:
@@ -84,8 +84,6 @@ def _sought(asked: DistanceQuery, to: To, own: np.ndarray) -> Ranked:
     """The entries that are judged on the way to the nearest; see `foreseen.seek`."""
     allowed, vectors = asked.allowed, asked.population.vectors[asked.allowed]
     hub = link_lengths(asked.population.graph)[allowed]
-    spread = np.sqrt(vectors.var(axis=0).sum()) + 1e-9
-    places = np.column_stack([vectors / spread, own[allowed], HUBBINESS * hub])
     like = np.square(vectors - asked.vector).sum(axis=1)
     drawn = stream(asked.population.shared.seed, "search").permutation(len(allowed))
     starts = (np.argsort(hub, kind="stable")[:HUBS], np.argsort(like, kind="stable")[:LIKE], drawn[:RANDOM])
@@ -94,8 +92,21 @@ def _sought(asked: DistanceQuery, to: To, own: np.ndarray) -> Ranked:
         far = to(allowed[at])
         return np.minimum(far, TOLD)[:, None].astype(np.float32), far
 
-    found = seek(places, missed, max(asked.wanted, asked.at_least), np.concatenate(starts), EFFORT)
+    found = seek(
+        places(vectors, own[allowed], hub),
+        missed,
+        max(asked.wanted, asked.at_least),
+        np.concatenate(starts),
+        EFFORT,
+    )
     return Ranked(allowed[found.order], found.distance, found.evaluations)
+
+
+def places(vectors: np.ndarray, own: np.ndarray, hub: np.ndarray) -> np.ndarray:
+    """(M, D' + 2) what a search knows of entries: embeddings (M, D'), own losses (M,) and lengths of links (M,)."""
+    sound = np.isfinite(vectors).all(axis=1)  # a model that predicts no number must not hide the others
+    spread = np.sqrt(vectors[sound].var(axis=0).sum()) + 1e-9
+    return np.column_stack([vectors / spread, own, HUBBINESS * hub])
 
 
 def link_lengths(graph: Graph) -> np.ndarray:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from dynreg.distance.foreseen import Effort, seek
+from dynreg.distance.linked import places
 from dynreg.rng import stream
 
 N, DIMENSIONS, FEATURES = 2000, 12, 40
@@ -67,3 +68,12 @@ def test_entries_that_all_predict_no_number_are_all_judged_and_none_is_near():
 def test_the_same_draws_find_the_same():
     one, other = Planted(4).found(), Planted(4).found()
     np.testing.assert_array_equal(one.order, other.order)
+
+
+def test_an_entry_whose_model_predicts_no_number_leaves_the_places_of_the_others():
+    vectors, own = Planted(5).vectors[:20], np.ones(20)
+    lost = vectors.copy()
+    lost[7] = np.nan
+    others = np.arange(20) != 7
+    right = places(vectors[others], own[others], own[others])
+    np.testing.assert_array_equal(places(lost, own, own)[others], right)
