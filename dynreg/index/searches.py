@@ -17,7 +17,6 @@ from dynreg.index.graph import Graph
 from dynreg.rng import stream
 
 STARTS = 8  # random nodes that a search starts from, all measured at once
-FEW = 10  # neighbours that a walk among some nodes passes on to, at least, where there are so many
 EF = 30  # of the best nodes found, usually, are kept and expanded
 Walk = Generator[list[int], list[float], list[tuple[float, int]]]
 
@@ -37,9 +36,7 @@ class Found:
     evaluations: int
 
 
-def search(
-    graph: Graph, to: To, k: int, rng: np.random.Generator, *, ef: int = EF, among: Ids | None = None
-) -> Found:
+def search(graph: Graph, to: To, k: int, rng: np.random.Generator, *, ef: int = EF) -> Found:
     """The k nodes nearest to a query, by best-first search on the flat graph.
 
     Parameters
@@ -48,33 +45,9 @@ def search(
     rng : draws the nodes to start from.
     ef : how many of the best nodes are kept and expanded; at least k is used. With ef = len(graph) the
         search looks at every node.
-    among : the only nodes that are asked for; the walk passes through others to their neighbours.
     """
-    if among is None or len(among) == len(graph):
-        neighbours, starts = graph.neighbours, draw_starts(len(graph), STARTS, rng)
-    else:
-        neighbours = Among(graph.neighbours, among)
-        starts = np.asarray(among)[draw_starts(len(among), STARTS, rng)].tolist()
-    return lockstep([best_first(neighbours, starts, max(ef, k))], lambda rows, ids: to(ids), k)[0]
-
-
-class Among:
-    """The neighbours of nodes among some; where they are few, some of those of neighbours that are none of these."""
-
-    def __init__(self, neighbours: Sequence[np.ndarray], among: Ids):
-        self.neighbours = neighbours
-        self.among = np.zeros(len(neighbours), dtype=bool)
-        self.among[among] = True
-
-    def __getitem__(self, node: int) -> np.ndarray:
-        around = self.neighbours[node]
-        found = dict.fromkeys(around[self.among[around]].tolist())
-        for other in around[~self.among[around]].tolist():  # nearest first
-            if len(found) >= FEW:
-                break
-            beyond = self.neighbours[other]
-            found.update(dict.fromkeys(beyond[self.among[beyond]].tolist()))
-        return np.array([*found], dtype=np.int64)
+    walk = best_first(graph.neighbours, draw_starts(len(graph), STARTS, rng), max(ef, k))
+    return lockstep([walk], lambda rows, ids: to(ids), k)[0]
 
 
 def search_many(graph: Graph, to: ToMany, queries: int, k: int, *, seed: int, ef: int = EF) -> list[Found]:

@@ -1,4 +1,4 @@
-"""Walks among some of the nodes, and graphs whose nodes come with their nearest."""
+"""Graphs whose nodes come with their nearest."""
 
 import numpy as np
 import pytest
@@ -10,21 +10,6 @@ from dynreg.rng import stream
 
 def measured(tables, n):
     return [(np.arange(i), tables[0][i, :i]) for i in range(n)]
-
-
-@pytest.mark.parametrize("share", [0.1, 0.4, 1.0])
-def test_only_nodes_among_those_allowed_are_asked_for_and_found(nodes, tables, query_spy, share):
-    graph, recalls = build(nodes, len(nodes)), []
-    allowed = np.sort(stream(0, "allowed").choice(len(nodes), int(share * len(nodes)), replace=False))
-    for row in range(20):
-        query_spy.asked.clear()
-        to = lambda ids, row=row: query_spy.pairs(np.full(len(ids), row), ids)  # noqa: E731
-        found = search(graph, to, 5, stream(row, "walk"), ef=40, among=allowed)
-        asked = np.concatenate([call[1] for call in query_spy.asked])
-        assert np.isin(asked, allowed).all() and found.evaluations == len(asked) == len(set(asked.tolist()))
-        right = allowed[np.argsort(tables[1][row, allowed], kind="stable")[:5]]
-        recalls.append(np.isin(right, found.ids).mean())
-    assert np.mean(recalls) > 0.9
 
 
 def test_nodes_with_their_nearest_make_a_graph_that_can_be_walked(tables):
