@@ -2,8 +2,8 @@
 
 The population grows from one n to the next, so that seconds an entry are those of growing. At each n: seconds by phase,
 bytes by folder, peak memory; retrieval on robots of the family that are no entries (and on real logs where the robot
-has some), by the walk over the graph and by brute force on the same rows; and, for the same robots, the rollout error
-of what was retrieved, replayed and synthesised on commands that nobody saw (a random entry = 1.00).
+has some), by the search for the nearest and by brute force on the same rows; and, for the same robots, the rollout
+error of what was retrieved, replayed and synthesised on commands that nobody saw (a random entry = 1.00).
 
 Every step is a line of the journal: a second start goes on. Robots for reporting have seeds of their own (`REPORT`),
 apart from those used in development (`TUNE`).
@@ -42,7 +42,7 @@ HERE = Path(__file__).parent
 REAL = {
     "servo_pendulum": "bam_xl330_pendulum/raw/*.json"
 }  # logs of real robots, in the folder of measured data
-K, AGAIN = 5, 3  # nearest that are compared; times that a walk is timed
+K, AGAIN = 5, 3  # nearest that are compared; times that a search is timed
 
 
 def populate(session: Session, robot: str, n: int) -> dict[str, Any]:
@@ -99,11 +99,11 @@ def found(query: DistanceQuery, distance: str) -> tuple[Ranked, dict[str, float]
 def retrieve(population, log: Recording) -> dict[str, Any]:
     """Recall@5 against brute force on the same rows, evaluations and milliseconds of each way, and replay errors."""
     row: dict[str, Any] = {}
-    walking = asked(population, log)
-    exact, nearest = replace(walking, exact=True), {}
+    searching = asked(population, log)
+    exact, nearest = replace(searching, exact=True), {}
     for distance in ("one_sided", "cross_loss"):
         right, slow = found(exact, distance)
-        ranked, quick = found(walking, distance)
+        ranked, quick = found(searching, distance)
         wanted, got = right.order[:K], ranked.order[:K]
         row[distance] = {
             "recall": len(set(wanted) & set(got)) / K,
@@ -113,11 +113,11 @@ def retrieve(population, log: Recording) -> dict[str, Any]:
             "brute force": slow,
         }
         nearest |= {distance: got, f"{distance}, brute force": wanted}
-    by_vectors, quick = found(walking, "embedding")
+    by_vectors, quick = found(searching, "embedding")
     row["embedding"] = quick
     nearest["embedding"] = by_vectors.order[:K]
     both = np.unique(np.concatenate(list(nearest.values())))
-    error = dict(zip(both.tolist(), walking.replayed(population.unit[both]).tolist(), strict=True))
+    error = dict(zip(both.tolist(), searching.replayed(population.unit[both]).tolist(), strict=True))
     row["replay error"] = {name: float(np.mean([error[i] for i in ids])) for name, ids in nearest.items()}
     return row | {"peak GB": peak()}
 

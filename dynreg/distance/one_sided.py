@@ -31,7 +31,7 @@ def rank(asked: DistanceQuery) -> Ranked:
     Raises LogError where there is nothing to judge.
     """
     judge = judge_of(asked)
-    if asked.walks:
+    if asked.searched:
         return sought(asked, judge)
     far = judge(asked.population.stack, asked.allowed, asked.threads)
     return in_order(asked.allowed, far, len(asked.allowed))

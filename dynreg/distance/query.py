@@ -14,7 +14,7 @@ from dynreg.errors import LogError
 from dynreg.models.mlp import MlpStack
 from dynreg.sim.robot import Robot
 
-JUDGED_ALL = 250  # entries up to which all are judged: a walk passes nearly as many
+JUDGED_ALL = 250  # entries up to which all are judged: a search judges nearly as many
 MODEL_ROWS = 1600  # rows from which the recording's own model is trained, at most
 FEWEST = 20  # rows that a model is trained from, at least
 
@@ -48,7 +48,7 @@ class DistanceQuery:
 
     replayed : (n,) replay errors of unit parameters (n, P). known : (P,) values of the parameters known of the robot,
     NaN elsewhere; entries far from them are left out, down to `at_least`. wanted : how many of the nearest are asked
-    for. exact : whether all are judged, rather than those that a walk over the graph passes. own : gives the model of
+    for. exact : whether all are judged, rather than those that a search comes upon. own : gives the model of
     rows, as `own_model`.
     """
 
@@ -85,8 +85,8 @@ class DistanceQuery:
         return near if len(near) >= fewest else np.sort(np.argsort(apart, kind="stable")[:fewest])
 
     @property
-    def walks(self) -> bool:
-        """Whether a walk over the graph finds the nearest, rather than that all that are allowed are judged."""
+    def searched(self) -> bool:
+        """Whether the nearest are searched for, so that not all that are allowed are judged."""
         return not self.exact and self.population.graph is not None and len(self.allowed) > JUDGED_ALL
 
     @cached_property

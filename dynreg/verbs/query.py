@@ -30,7 +30,8 @@ class QuerySettings(Settings):
     )
     synthesise: bool = option(True, "Make a new simulator from the neighbours.")
     exact: bool = option(
-        False, "Judge every simulator of the population, rather than those that a walk over its graph passes."
+        False,
+        "Judge every simulator of the population, rather than those alone that are foreseen to be near.",
     )
     hold_out: str | None = hold_out()
     budget: int | None = option(
