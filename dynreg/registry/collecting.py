@@ -123,9 +123,8 @@ def _pages_of_nobody(directory: Directory, connection: Connection) -> Iterator[U
     if named - there.keys():
         raise _ledger_lost(str(directory.bucket.uri.partition("?")[0]))
     last = max((row.number for row in rows), default=0)
-    if page_name(last + 2, "") < max(
-        there, default=""
-    ):  # a put that was cut short leaves the next page alone
+    newest = max(there, default="")
+    if page_name(last + 2, "") < newest:  # a put that was cut short leaves the next page alone
         raise RegistryError(
             f"the catalogue of {str(directory.path)!r} is older than the ledger in its bucket",
             expected="a catalogue that follows its ledger: what came since would be removed",

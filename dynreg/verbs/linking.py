@@ -85,8 +85,7 @@ def link(
     """Link the entries that are not in the index yet, or all of them `anew`; keep it, where nobody has added others.
 
     Returns the number of linked entries and of distances evaluated for them; `watch` takes the time of these, "graph".
-    The index is the same bytes whether the
-    population came at once or grew, on any number of threads.
+    The index is the same bytes whether the population came at once or grew, on any number of threads.
     """
     numbers = registry.numbers(ref)
     ids = tuple(numbers)
