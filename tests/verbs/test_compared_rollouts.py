@@ -101,7 +101,7 @@ def test_nothing_named_compares_nominal_with_what_results_found(registry: Sessio
         {"extended_simulator": None, "calibrated_simulator": made, "parts": parts},
     )
     rollouts = registry.compare("bench", threads=1).rollouts
-    assert rollouts.names == ("nominal", f"calibrated {made[:8]}")
+    assert rollouts.names == ("nominal", f"diagnosed (calibrated {made[:8]})")
     assert {*rollouts.left_out} == {"fit_0", "select_0"} and "fit_0" not in rollouts.episodes
     (only,) = registry.compare("bench", hold_out="test_0", threads=1).rollouts.episodes
     assert only == "test_0"
