@@ -11,6 +11,7 @@ from dynreg.evidence.hypothesis import Coordinates
 from dynreg.replay.windows import Windows
 from dynreg.sim.effects import Term, Terms
 from dynreg.sim.engines import rollout
+from dynreg.sim.held import held_joints
 from dynreg.sim.robot import Robot
 
 # A change below a tenth of the noise needs 100 independent rows to determine one sigma of the prior.
@@ -51,12 +52,14 @@ def only_joints(robot: Robot, joints: tuple[str, ...]) -> Robot:
 
 
 def passive_joints(robot: Robot) -> tuple[str, ...]:
-    """The hinges and slides with a channel that no action drives; none of a robot in the plane, which has no joints."""
+    """The hinges and slides with a channel that nothing drives or holds; none of a robot in the plane."""
     if robot.planar:
         return ()
     model, owners = robot.model, dict.fromkeys(joint_of(name) for name in robot.channels)
-    single = {model.joint(j).name for j in range(model.njnt) if int(model.jnt_type[j]) in SINGLE}
-    return tuple(joint for joint in owners if joint in single and joint not in robot.driven)
+    held = held_joints(model)
+    free = (j for j in range(model.njnt) if int(model.jnt_type[j]) in SINGLE and j not in held)
+    names = {model.joint(j).name for j in free}
+    return tuple(joint for joint in owners if joint in names and joint not in robot.driven)
 
 
 def damping_of(joint: str) -> str:

@@ -2,8 +2,9 @@
 
 import mujoco
 
-from dynreg.draft.drives import JOINT, Drive, name_of
+from dynreg.draft.drives import Drive, name_of
 from dynreg.draft.opened import Opened, free_name
+from dynreg.sim.held import JOINT
 
 
 def put_drives(opened: Opened, drives: tuple[Drive, ...]) -> None:

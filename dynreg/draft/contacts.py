@@ -3,10 +3,11 @@
 import mujoco
 import numpy as np
 
-from dynreg.draft.drives import JOINT, scalar_joints
+from dynreg.draft.drives import scalar_joints
 from dynreg.draft.entry import Notes
 from dynreg.draft.opened import Opened
 from dynreg.rng import stream
+from dynreg.sim.held import JOINT
 
 POSES = 100  # that are tried
 MIDDLE, WHOLE = (

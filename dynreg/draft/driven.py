@@ -6,7 +6,6 @@ import mujoco
 import numpy as np
 
 from dynreg.draft.drives import (
-    JOINT,
     QUICK,
     Drive,
     effective_inertia,
@@ -20,6 +19,7 @@ from dynreg.draft.entry import DraftOptions, Notes, listed
 from dynreg.draft.opened import Opened
 from dynreg.draft.stated import of_joint, stated_words, unknown
 from dynreg.errors import RobotError, UsageError
+from dynreg.sim.held import JOINT
 
 NATURAL = 20.0  # rad/s: what a guessed servo answers with
 SAG = 0.02  # rad or m by which a guessed servo gives way to the joint's own weight

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import mujoco
 
 from dynreg.draft.doubted import ALONE, Doubted
-from dynreg.draft.drives import JOINT, Drive, effective_inertia, name_of, scalar_joints
+from dynreg.draft.drives import Drive, effective_inertia, name_of, scalar_joints
 from dynreg.draft.entry import Entry, Notes, listed, ranged, rounded
 from dynreg.draft.joints import groups, identifier
 from dynreg.draft.parameters import (
@@ -18,6 +18,7 @@ from dynreg.draft.parameters import (
     unit_of,
     values_of,
 )
+from dynreg.sim.held import held_joints
 
 SWUNG = 10.0  # rad/s^2 or m/s^2 at which such a joint moves that its weight does not load: much as a pendulum falls
 REASON = (
@@ -33,16 +34,7 @@ def passive_joints(model: mujoco.MjModel, drives: Sequence[Drive]) -> list[str]:
     """
     driven = {model.joint(d.joint).id for d in drives}
     roots = {int(model.body_rootid[model.jnt_bodyid[j]]) for j in driven}
-    held = {int(model.actuator_trnid[a, 0]) for a in range(model.nu) if model.actuator_trntype[a] in JOINT}
-    held |= {
-        int(j)
-        for e in range(model.neq)
-        if model.eq_type[e] == mujoco.mjtEq.mjEQ_JOINT
-        for j in _ends(model, e)
-    }
-    wraps = model.wrap_type == mujoco.mjtWrap.mjWRAP_JOINT
-    held |= {int(j) for j in model.wrap_objid[wraps]}
-    free = [j for j in scalar_joints(model) if j not in driven | held]
+    free = [j for j in scalar_joints(model) if j not in driven | held_joints(model)]
     return [name_of(model, j) for j in free if int(model.body_rootid[model.jnt_bodyid[j]]) in roots]
 
 
@@ -56,10 +48,6 @@ def of_passive(doubted: Doubted, notes: Notes) -> tuple[Entry, ...]:
         "at driven joints alone"
     )
     return tuple(entry for kind in ("friction", "damping") for entry in _entries(doubted, names, kind))
-
-
-def _ends(model: mujoco.MjModel, equality: int) -> tuple[int, int]:
-    return model.eq_obj1id[equality], model.eq_obj2id[equality]
 
 
 def _entries(doubted: Doubted, names: Sequence[str], what: str) -> Iterator[Entry]:

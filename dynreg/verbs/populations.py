@@ -140,9 +140,9 @@ def fill_span(
 ) -> tuple[int, dict[str, float]]:
     """Make and store the entries of a missing span, unless another process does: how many, and the seconds by part.
 
-    registry : its path. A server that is away is waited for. The bytes of entries depend on the population and their numbers
-    alone, and they are entered at once, so that a job whose process was lost, or that is done twice, leaves what one
-    that ends well leaves.
+    registry : its path. A server that is away is waited for. The bytes of entries depend on the population and their
+    numbers alone, and they are entered at once, so that a job whose process was lost, or that is done twice, leaves
+    what one that ends well leaves.
     """
     watch = Stopwatch()
     with persistent(Registry.open)(registry) as held, held.claim(population, span[0]) as mine:

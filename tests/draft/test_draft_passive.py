@@ -8,7 +8,7 @@ import pytest
 import strangers
 
 import dynreg
-from dynreg.diagnose.joints import only_joints
+from dynreg.diagnose.joints import only_joints, passive_joints
 from dynreg.diagnose.where import ErrorRow
 from dynreg.draft.entry import Drafted, write_draft
 from dynreg.errors import UsageError
@@ -65,6 +65,7 @@ def test_joints_that_something_else_moves_have_no_such_parameter(cartpole: Draft
         made = drafted(tmp_path / name, text)
         assert not any("no drive moves" in note for note in made.notes)
         assert "hinge_damping" not in made.robot.space.names
+        assert passive_joints(made.robot) == ()
 
 
 def test_a_joint_without_a_drive_is_refused_as_such(cartpole: Drafted):
