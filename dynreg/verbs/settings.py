@@ -112,7 +112,7 @@ def option(default: Any, help: str, **how: Any) -> Any:
 
 def threads() -> Any:
     """The setting that every verb has which simulates."""
-    return option(0, "Simulation threads; 0 for all cores.", usual="all cores", least=0, shared=True)
+    return option(0, "Simulation threads.", usual="all cores", least=0, shared=True)
 
 
 def executor() -> Any:
