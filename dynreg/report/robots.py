@@ -6,9 +6,9 @@ from functools import singledispatch
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from dynreg.errors import RobotError, taken_apart
+from dynreg.errors import RobotError
 from dynreg.report.grid import table
-from dynreg.report.words import count
+from dynreg.report.words import count, first_of
 from dynreg.results.result import Result
 from dynreg.results.robots import RobotCheck, RobotDraft, RobotFolder, RobotList
 
@@ -30,8 +30,8 @@ def _list(result: RobotList) -> RenderableType:
 
 @tables.register
 def _check(result: RobotCheck) -> str:
-    several = result.problems if len(result.problems) > 1 else ()  # `refusal` tells a single one
-    lines = [f"error: {line}" for line in several] + [f"warning: {line}" for line in result.warnings]
+    others = result.problems[1:]  # `refusal` tells the first
+    lines = [f"error: {line}" for line in others] + [f"warning: {line}" for line in result.warnings]
     counts = [(len(result.problems), "error"), (len(result.warnings), "warning")]
     told = ", ".join(count(how_many, what) for how_many, what in counts if how_many)
     verdict = "sound" if result.sound else "not sound"
@@ -87,14 +87,7 @@ def refusal(result: Result) -> RobotError | None:
     """The error of a folder that cannot be used."""
     if not isinstance(result, RobotCheck) or result.sound:
         return None
-    if len(result.problems) > 1:  # each of which `tables` tells
-        problem, expected, do = (
-            count(len(result.problems), "error"),
-            "",
-            "mend its robot.toml or model, as each error says",
-        )
-    else:
-        problem, expected, do = taken_apart(result.problems[0])
+    problem, expected, do = first_of(result.problems)
     return RobotError(
         f"{result.robot!r} cannot be used: {problem}",
         expected=expected or "a robot folder that can be simulated",

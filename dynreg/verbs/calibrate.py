@@ -142,8 +142,10 @@ def calibrate(
     robot = asked.robot if population is None else population.shared.robot
     begin = begun_with(asked.registry, settings.start, robot, asked.recording.id)
     question, evidence, limits, journals = _posed(asked, settings, robot, begin, population, progress)
-    if settings.resume and (ended := _ended(asked, journals.key)) is not None:
-        return ended
+    stages = [stage.name for stage in evidence.plan or ()] or [settings.method]
+    if settings.resume and not any(map(journals.begun, stages)):
+        if (ended := _ended(asked, journals.key)) is not None:
+            return ended
     cut = question.data
     if begin is not None and (seen := shaped_by(asked, begin, cut.named["test"])):
         tell_seen("the start was shaped by", seen)
