@@ -117,12 +117,21 @@ def places(vectors: np.ndarray, own: np.ndarray, hub: np.ndarray) -> np.ndarray:
 
 
 def link_lengths(graph: Graph) -> np.ndarray:
-    """(M,) medians of the lengths of each entry's links: short for hubs, which are near to everybody."""
-    found = np.array([np.median(known) if len(known) else np.inf for known in _measured(graph)])
-    known = np.isfinite(found)
-    return np.where(known, found, np.median(found[known]) if known.any() else 0.0)
+    """(M,) medians of the lengths of each entry's links: short for hubs, which are near to everybody.
 
-
-def _measured(graph: Graph) -> list[np.ndarray]:
-    """The lengths of each entry's links that were measured."""
-    return [lengths[np.isfinite(lengths)] for lengths in graph.lengths]
+    An entry without a measured link has the median of the others.
+    """
+    entry = np.repeat(np.arange(len(graph.lengths)), [len(known) for known in graph.lengths])
+    length = np.concatenate([np.zeros(0), *graph.lengths])
+    known = np.isfinite(length)
+    entry, length = entry[known], length[known]
+    length = length[np.lexsort((length, entry))]
+    count = np.bincount(entry, minlength=len(graph.lengths))
+    if not len(length):
+        return np.zeros(len(count))
+    first = np.minimum(np.cumsum(count) - count, len(length) - 1)
+    middle = 0.5 * (
+        length[first + np.maximum(count - 1, 0) // 2]
+        + length[np.minimum(first + count // 2, len(length) - 1)]
+    )
+    return np.where(count > 0, middle, np.median(middle[count > 0]))

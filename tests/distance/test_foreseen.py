@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from dynreg.distance.foreseen import Effort, seek
-from dynreg.distance.linked import places
+from dynreg.distance.linked import effort, link_lengths, places
+from dynreg.index import Graph, GraphSettings
 from dynreg.rng import stream
 
 N, DIMENSIONS, FEATURES = 2000, 12, 40
@@ -77,3 +78,19 @@ def test_an_entry_whose_model_predicts_no_number_leaves_the_places_of_the_others
     others = np.arange(20) != 7
     right = places(vectors[others], own[others], own[others])
     np.testing.assert_array_equal(places(lost, own, own)[others], right)
+
+
+def test_the_length_of_an_entrys_links_is_the_median_of_those_that_were_measured():
+    rng = stream(5, "lengths")
+    lengths = [rng.uniform(size=n) for n in (3, 4, 0, 1, 2)]
+    lengths[1][2] = np.inf
+    lengths[4][:] = np.inf  # none of these was measured
+    nodes = tuple(np.zeros(len(one), dtype=int) for one in lengths)
+    found = link_lengths(Graph(GraphSettings(), nodes, tuple(lengths), nodes, 0))
+    told = [np.median(one[np.isfinite(one)]) for one in (lengths[0], lengths[1], lengths[3])]
+    assert found[[0, 1, 3]].tolist() == told and found[2] == found[4] == np.median(told)
+
+
+def test_a_search_by_cross_loss_judges_a_smaller_share_of_more_entries():
+    spent = [effort(n).least for n in (400, 4_000, 40_000)]
+    assert spent[0] == 250 and spent[0] < spent[1] < spent[2] < 3 * spent[0]
