@@ -8,7 +8,6 @@ foretold / measured leaves its `BOUNDS`.
 """
 
 import argparse
-import json
 import multiprocessing as mp
 import resource
 import tempfile
@@ -17,10 +16,12 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+from kept import keep
+
 import dynreg.neighbours.entries as entries
 from dynreg import session
 
-HERE = Path(__file__).parent
+RESULTS = Path(__file__).parent / "results"
 # Foretold / measured. Seconds: what is foretold from 24 simulators on a machine whose load changes. Bytes: entries of
 # one population differ little. Memory: the base model's is foretold from a smaller one.
 BOUNDS = {"seconds": (0.67, 1.6), "bytes": (0.9, 1.1), "memory": (0.75, 1.35)}
@@ -96,10 +97,7 @@ def main() -> None:
                 for name, (low, high) in BOUNDS.items()
                 if not low <= row["ratio"][name] <= high
             ]
-    results = HERE / "results"
-    results.mkdir(exist_ok=True)
-    document = {"core_seconds": told.core, "bounds": BOUNDS, "rows": rows}
-    (results / "foretold.json").write_text(json.dumps(document, indent=1) + "\n")
+    keep(RESULTS / "foretold.json", {"bounds": BOUNDS, "rows": rows}, parser, told)
     if out:
         raise SystemExit(f"out of bounds: {'; '.join(out)}")
 
