@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import mujoco
 import numpy as np
 
 from dynreg.data.names import joint_of
@@ -11,12 +10,11 @@ from dynreg.evidence.hypothesis import Coordinates
 from dynreg.replay.windows import Windows
 from dynreg.sim.effects import Term, Terms
 from dynreg.sim.engines import rollout
-from dynreg.sim.held import held_joints
+from dynreg.sim.held import loose_joints
 from dynreg.sim.robot import Robot
 
 # A change below a tenth of the noise needs 100 independent rows to determine one sigma of the prior.
 TRIED = 6  # windows in which a parameter is tried, spread over the recording to include each kind of motion
-SINGLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 UNSEEN = 0.1  # of the sensor's noise: a parameter with smaller changes is not visible
 
 
@@ -55,10 +53,8 @@ def passive_joints(robot: Robot) -> tuple[str, ...]:
     """The hinges and slides with a channel that nothing drives or holds; none of a robot in the plane."""
     if robot.planar:
         return ()
-    model, owners = robot.model, dict.fromkeys(joint_of(name) for name in robot.channels)
-    held = held_joints(model)
-    free = (j for j in range(model.njnt) if int(model.jnt_type[j]) in SINGLE and j not in held)
-    names = {model.joint(j).name for j in free}
+    owners = dict.fromkeys(joint_of(name) for name in robot.channels)
+    names = {robot.model.joint(j).name for j in loose_joints(robot.model)}
     return tuple(joint for joint in owners if joint in names and joint not in robot.driven)
 
 

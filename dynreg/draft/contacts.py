@@ -3,11 +3,10 @@
 import mujoco
 import numpy as np
 
-from dynreg.draft.drives import scalar_joints
 from dynreg.draft.entry import Notes
 from dynreg.draft.opened import Opened
 from dynreg.rng import stream
-from dynreg.sim.held import JOINT
+from dynreg.sim.held import JOINT, scalar_joints
 
 POSES = 100  # that are tried
 MIDDLE, WHOLE = (

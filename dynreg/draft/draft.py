@@ -18,7 +18,7 @@ from dynreg.draft.commanded import commanded, say_no_command
 from dynreg.draft.contacts import without_self_contacts
 from dynreg.draft.doubted import Doubted
 from dynreg.draft.driven import check_gains, drives_of, say_unlimited
-from dynreg.draft.drives import Drive, name_of, scalar_joints
+from dynreg.draft.drives import Drive, name_of
 from dynreg.draft.entry import Drafted, DraftOptions, Entry, Notes, listed
 from dynreg.draft.ground import add_ground, base_joint, ground_of, standing_height
 from dynreg.draft.heard import Heard, heard, sensed, spec_of, within_stops
@@ -48,6 +48,7 @@ from dynreg.draft.text import toml_of
 from dynreg.draft.trial import Make, with_engines, with_finer_step, with_sound_ranges, with_time_step
 from dynreg.errors import RobotError
 from dynreg.folder import TOML, Folder
+from dynreg.sim.held import scalar_joints
 from dynreg.sim.masses import moving_sites
 from dynreg.sim.mjcf import model_files, trust_model
 from dynreg.sim.robot import Robot, robot_of

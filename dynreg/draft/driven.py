@@ -12,14 +12,13 @@ from dynreg.draft.drives import (
     is_hinge,
     joint_limit,
     name_of,
-    scalar_joints,
     understood,
 )
 from dynreg.draft.entry import DraftOptions, Notes, listed
 from dynreg.draft.opened import Opened
 from dynreg.draft.stated import of_joint, stated_words, unknown
 from dynreg.errors import RobotError, UsageError
-from dynreg.sim.held import JOINT
+from dynreg.sim.held import JOINT, scalar_joints
 
 NATURAL = 20.0  # rad/s: what a guessed servo answers with
 SAG = 0.02  # rad or m by which a guessed servo gives way to the joint's own weight

@@ -15,7 +15,7 @@ _FIXED, _AFFINE = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS_AF
 _NONE, _DCMOTOR = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtGain.mjGAIN_DCMOTOR)
 _NO_STATE, _OF_DCMOTOR = int(mujoco.mjtDyn.mjDYN_NONE), int(mujoco.mjtDyn.mjDYN_DCMOTOR)
 _FILTERS = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))
-_HINGE, _SLIDE_JOINT = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+_HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
 
 
 @dataclass(frozen=True)
@@ -62,11 +62,6 @@ class Drive:
 def name_of(model: mujoco.MjModel, joint: int) -> str:
     """The joint's name."""
     return model.joint(joint).name
-
-
-def scalar_joints(model: mujoco.MjModel) -> list[int]:
-    """Numbers of the hinges and slides."""
-    return [j for j in range(model.njnt) if model.jnt_type[j] in (_HINGE, _SLIDE_JOINT)]
 
 
 def is_hinge(model: mujoco.MjModel, joint: int) -> bool:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import mujoco
 
 from dynreg.draft.doubted import ALONE, Doubted
-from dynreg.draft.drives import Drive, effective_inertia, name_of, scalar_joints
+from dynreg.draft.drives import Drive, effective_inertia, name_of
 from dynreg.draft.entry import Entry, Notes, listed, ranged, rounded
 from dynreg.draft.joints import groups, identifier
 from dynreg.draft.parameters import (
@@ -18,7 +18,7 @@ from dynreg.draft.parameters import (
     unit_of,
     values_of,
 )
-from dynreg.sim.held import held_joints
+from dynreg.sim.held import loose_joints
 
 SWUNG = 10.0  # rad/s^2 or m/s^2 at which such a joint moves that its weight does not load: much as a pendulum falls
 REASON = (
@@ -34,7 +34,7 @@ def passive_joints(model: mujoco.MjModel, drives: Sequence[Drive]) -> list[str]:
     """
     driven = {model.joint(d.joint).id for d in drives}
     roots = {int(model.body_rootid[model.jnt_bodyid[j]]) for j in driven}
-    free = [j for j in scalar_joints(model) if j not in driven | held_joints(model)]
+    free = [j for j in loose_joints(model) if j not in driven]
     return [name_of(model, j) for j in free if int(model.body_rootid[model.jnt_bodyid[j]]) in roots]
 
 

@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from dynreg.draft.drives import name_of, scalar_joints
+from dynreg.draft.drives import name_of
 from dynreg.draft.heard import Heard
 from dynreg.draft.opened import Opened
 from dynreg.draft.tables import keyframe_of
+from dynreg.sim.held import scalar_joints
 
 START = "start"
 

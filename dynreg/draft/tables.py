@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from dynreg.draft.drives import Drive, is_hinge, name_of, reach_of, scalar_joints
+from dynreg.draft.drives import Drive, is_hinge, name_of, reach_of
 from dynreg.draft.entry import Entry
+from dynreg.sim.held import scalar_joints
 
 DEFAULTS = {  # 1 sigma of sensors that nothing is known of, by unit
     "rad": 0.001,

@@ -1,18 +1,15 @@
 """The search near a gait that walked on the robot, in the simulators that all logs so far tell of."""
 
-from collections.abc import Callable, Mapping
-from pathlib import Path
-from typing import Any
+from typing import Unpack
 
 import numpy as np
 
 from dynreg.gait.accept import ACCEPT
-from dynreg.gait.seek import Finals, SearchSettings, Sought, answer
+from dynreg.gait.seek import Finals, Followed, SearchSettings, Sought, answer, driven
 from dynreg.gait.tasks import fell, fitness
 from dynreg.gait.trials import Trials
 from dynreg.rng import stream
-from dynreg.search.drive import Limits, drive
-from dynreg.search.journal import Journal
+from dynreg.search.drive import Limits
 from dynreg.search.start import Start
 from dynreg.search.table import SEARCHES
 
@@ -29,22 +26,12 @@ def may_stay(method: str) -> bool:
     return SEARCHES[method].from_one and SEARCHES[method].by_order
 
 
-def seek_near(
-    trials: Trials,
-    settings: SearchSettings,
-    *,
-    journal: Path | None = None,
-    resume: bool = False,
-    key: Mapping[str, Any] | None = None,
-    progress: Callable[[str, int, int], None] | None = None,
-) -> Sought:
+def seek_near(trials: Trials, settings: SearchSettings, **followed: Unpack[Followed]) -> Sought:
     """The gait between the first of `settings.tried` and what a search about it finds; the same each time.
 
     Each batch runs in one of the simulators, which take turns, with parameters moved by `DOUBT` and noise of its own
     (domain randomisation: Tobin et al., arXiv 1703.06907). So a gait costs one rollout, however many simulators there
     are, and the search finds which way gaits get better in all. How far to go, `farthest` says.
-
-    The arguments are those of `seek.seek`.
     """
     space, k, kind = trials.space, len(trials.simulators), SEARCHES[settings.method]
     draws = int(settings.again * settings.rollouts) // (len(SHARES) * k)
@@ -65,16 +52,8 @@ def seek_near(
         begun += 1
         return fitness(grades)[:, 0], -grades[:, 0]
 
-    found = drive(
-        search,
-        graded,
-        watched,
-        Limits(evaluations, settings.patience),
-        journal=Journal(journal, key or {}, resume=resume) if journal else None,
-        progress=(lambda done, total: progress("search", done, total)) if progress else None,
-    )
-    if progress:
-        progress("search", evaluations, evaluations)
+    limits = Limits(evaluations, settings.patience)
+    found = driven(search, graded, watched, limits, **followed)
     best, finals = farthest(trials, settings.accept, between(begin, search.middle, space.periodic), draws)
     return answer(trials, best, found, finals, ~stood & (np.arange(k) < begun))
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
@@ -131,26 +131,47 @@ def walked(trials: Trials, genes: np.ndarray) -> Walked:
     return Walked(genes, fitness(trials.task.grade(walk)[:, 0]), fell, walk)
 
 
-def seek(
-    trials: Trials,
-    settings: SearchSettings,
-    *,
-    journal: Path | None = None,
-    resume: bool = False,
-    key: Mapping[str, Any] | None = None,
-    progress: Callable[[str, int, int], None] | None = None,
-) -> Sought:
+class Followed(TypedDict, total=False):
+    """How a search is followed.
+
+    journal : a file to go on from when the search was interrupted (`resume`); `key` is what makes it this search. It is
+    the caller's to remove, when the result is safe. progress : is told the stage, and gaits done and in all.
+    """
+
+    journal: Path | None
+    resume: bool
+    key: Mapping[str, Any] | None
+    progress: Callable[[str, int, int], None] | None
+
+
+def driven(
+    search: Search,
+    graded: Callable[[np.ndarray], np.ndarray],
+    watched: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
+    limits: Limits,
+    **followed: Unpack[Followed],
+) -> Found:
+    """What a search finds; graded, watched : the grades and the judge of `drive`."""
+    journal, progress = followed.get("journal"), followed.get("progress")
+    kept = (
+        Journal(journal, followed.get("key") or {}, resume=followed.get("resume", False)) if journal else None
+    )
+    told = (lambda done, total: progress("search", done, total)) if progress else None
+    found = drive(search, graded, watched, limits, journal=kept, progress=told)
+    if progress:
+        progress("search", limits.evaluations, limits.evaluations)  # the last batch may be a part of one
+    return found
+
+
+def seek(trials: Trials, settings: SearchSettings, **followed: Unpack[Followed]) -> Sought:
     """The gait that is worth most, of the best ones tried again where there are `finals`; the same each time.
 
-    journal : a file to go on from when the search was interrupted (`resume`); `key` is what makes it this search.
-    It is the caller's to remove, when the result is safe.
     Raises UsageError where the rollouts do not suffice for one batch of candidates.
     """
     space, k = trials.space, len(trials.simulators)
     finals, evaluations = settings.finals(k), settings.evaluations(k)
     kind = SEARCHES[settings.method]
     search = Seen(search_of(trials, settings, evaluations))
-    kept = Journal(journal, key or {}, resume=resume) if journal else None
     gaits = lambda unit: space.feasible(space.from_unit(unit))  # noqa: E731
     accepted, helpless = ACCEPT[settings.accept], np.ones(k, dtype=bool)
 
@@ -163,16 +184,13 @@ def seek(
     # who learns from one batch alone lives with noise that is another for every batch, and finds what walks whatever
     # the noise. Climbers compare candidates of different batches; so does who ends a search early
     draws_anew = bool(finals) and kind.by_order and settings.patience is None
-    found = drive(
+    found = driven(
         search,
         lambda unit: trials.grades(gaits(unit), draw=search.asks - 1 if draws_anew else 0),
         watched,
         Limits(evaluations, settings.patience),
-        journal=kept,
-        progress=(lambda done, total: progress("search", done, total)) if progress else None,
+        **followed,
     )
-    if progress:
-        progress("search", evaluations, evaluations)  # the last batch may be a part of one
     best, again = found.best, None
     if finals:
         best, again = best_again(trials, settings, search.best(finals[0][0]), finals)

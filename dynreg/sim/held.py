@@ -1,8 +1,14 @@
-"""Joints that something else moves than their own motion: an actuator, a tendon or an equality constraint."""
+"""Which joints of a model something else moves than their own motion: an actuator, a tendon, an equality constraint."""
 
 import mujoco
 
+SINGLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))  # of actuators on joints
+
+
+def scalar_joints(model: mujoco.MjModel) -> list[int]:
+    """Numbers of the hinges and slides."""
+    return [j for j in range(model.njnt) if int(model.jnt_type[j]) in SINGLE]
 
 
 def held_joints(model: mujoco.MjModel) -> set[int]:
@@ -12,3 +18,9 @@ def held_joints(model: mujoco.MjModel) -> set[int]:
     on += [*model.eq_obj1id[equal], *model.eq_obj2id[equal]]
     on += [*model.wrap_objid[model.wrap_type == mujoco.mjtWrap.mjWRAP_JOINT]]
     return {int(joint) for joint in on}
+
+
+def loose_joints(model: mujoco.MjModel) -> list[int]:
+    """Numbers of the hinges and slides that nothing of the model moves but their own motion."""
+    held = held_joints(model)
+    return [j for j in scalar_joints(model) if j not in held]

@@ -165,7 +165,8 @@ def calibrate(
         simulated_seconds=found.simulated,
         core_seconds=time.process_time() - worked,
     )
-    return document(asked, settings, question, population, found, ids, errors, cost, journals.key)
+    made = document(asked, settings, question, population, found, ids, errors, cost)
+    return made.model_copy(update={"question": journals.key})
 
 
 def _ended(asked: "Recorded", key: str) -> "Calibration | None":

@@ -62,12 +62,8 @@ def document(
     ids: Sequence[tuple[str, str | None]],
     errors: np.ndarray,
     cost: CalibrationCost,
-    key: str,
 ) -> Calibration:
-    """The document; ids : see `register`. errors : (2, 2) of what the method began with and of its answer, by part.
-
-    key : see `Journals.key`.
-    """
+    """The document; ids : see `register`. errors : (2, 2) of what the method began with and of its answer, by part."""
     cut = question.data
     nominal, answer = errors.tolist()
     tested = cut.parts.test.any()
@@ -92,7 +88,6 @@ def document(
         ended=found.ended,
         population=population and population.id,
         seed=settings.seed,
-        question=key,
         cost=cost,
     )
 
