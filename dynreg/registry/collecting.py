@@ -3,15 +3,16 @@
 import os
 import tempfile
 import time
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from sqlalchemy import Connection, select
+from sqlalchemy import Column, Connection, select
 
 import dynreg.registry.tables as tables
-from dynreg.errors import CorruptError, RegistryError
+from dynreg.errors import Assumed, CorruptError, RegistryError
 from dynreg.registry.cache import is_sound
 from dynreg.registry.catalog import FILE
 from dynreg.registry.directory import Directory
@@ -28,11 +29,11 @@ from dynreg.registry.files import (
 )
 from dynreg.registry.hashes import hashes_of_first
 from dynreg.registry.indexes import read_index
-from dynreg.registry.ledger import page_name, read_ledger
-from dynreg.registry.rebuild import manifest_of
+from dynreg.registry.ledger import Page, decode_page, page_name, read_ledger
 from dynreg.registry.registry import Registry
 from dynreg.registry.sharing import PARTS
 from dynreg.registry.sweeping import remove_files, size_of
+from dynreg.registry.tables import named
 
 DAYS = 7  # after which a copy of a read-only registry's catalogue is nobody's any more
 _NAMED_BY_NOTHING = "nothing names it"
@@ -60,7 +61,8 @@ def collect(registry: Registry, *, caches: bool = False, dry_run: bool = False) 
     That is files that no row names, such as those of a put or a removal that was cut short; indexes of entries that are
     not there any more; damaged indexes and files of the cache; and copies of catalogues that read-only registries left
     in the folder for temporary files. caches : all of the cache and all indexes, too. dry_run : say so,
-    and remove nothing.
+    and remove nothing. Warns (`Assumed`) of a page that may be of a put which the catalogue of a shared registry lost
+    in a backup: it is kept with its files.
 
     Raises RegistryError where the registry may not be written, or its ledger is damaged: files that nothing names are
     then what a repair needs.
@@ -71,10 +73,13 @@ def collect(registry: Registry, *, caches: bool = False, dry_run: bool = False) 
         directory.take_time(writing.connection)
         if directory.bucket is None:
             _require_ledger(root, writing.connection)
-            found = []
+            found, doubted = [], ()
         else:
-            found = list(_pages_of_nobody(directory, writing.connection))
-        found += [*_unnamed(directory, writing.connection), *_stale(directory, writing.connection, caches)]
+            found, doubted = _unnamed_pages(directory, writing.connection)
+        found += [
+            *_unnamed(directory, writing.connection, doubted),
+            *_stale(directory, writing.connection, caches),
+        ]
         found += [_cut_short(root, path) for path in abandoned(root)]
         if not dry_run:
             directory.remove([one.path for one in found if not one.cut_short])
@@ -112,35 +117,69 @@ def _ledger_lost(where: str) -> RegistryError:
     )
 
 
-def _pages_of_nobody(directory: Directory, connection: Connection) -> Iterator[Unneeded]:
-    """Pages of a shared ledger that the catalogue does not name: of puts that were cut short.
+def _unnamed_pages(directory: Directory, connection: Connection) -> tuple[list[Unneeded], tuple[Page, ...]]:
+    """Pages of a shared ledger that are nobody's, as the catalogue does not name them; and those in doubt.
 
-    Raises RegistryError where one that it names is gone, or the catalogue was put back from a backup.
+    One of a number with which the catalogue has gone on is of a put that was cut short. One that follows the
+    catalogue's last page may be of such a put, or the last page from before the catalogue was put back from a backup:
+    nothing tells which, so it is kept, and a warning says so.
+
+    Raises RegistryError where a page that the catalogue names is gone, or where it surely was put back.
     """
     rows = connection.execute(select(tables.pages.c.number, tables.pages.c.sha256)).all()
-    named = {page_name(row.number, row.sha256) for row in rows}
+    followed = {page_name(row.number, row.sha256) for row in rows}
     there = directory.bucket.names(LEDGER)
-    if named - there.keys():
-        raise _ledger_lost(str(directory.bucket.uri.partition("?")[0]))
-    last = max((row.number for row in rows), default=0)
-    newest = max(there, default="")
-    if page_name(last + 2, "") < newest:  # a put that was cut short leaves the next page alone
+    if followed - there.keys():
+        raise _ledger_lost(_bucket_of(directory))
+    first, last = (of((row.number for row in rows), default=0) for of in (min, max))
+    unnamed = sorted(there.keys() - followed)
+    # what comes before the first is of no use since a repair began the ledger anew
+    pages = {name: _fetched(directory, name) for name in unnamed if name >= page_name(first, "")}
+    before = {page.before for page, _ in pages.values()}
+    if any(page.number > last + 1 or sha256 in before for page, sha256 in pages.values()):
         raise RegistryError(
             f"the catalogue of {str(directory.path)!r} is older than the ledger in its bucket",
             expected="a catalogue that follows its ledger: what came since would be removed",
             do="run `dynreg verify --repair` first, which brings it back",
         )
-    for name in sorted(there.keys() - named):
-        yield Unneeded(name, _NAMED_BY_NOTHING, there[name])
+    doubted = {name: page for name, (page, _) in pages.items() if page.number > last}
+    if doubted:
+        warnings.warn(
+            f"the page {min(doubted)!r} and the files that it names are kept: its put was cut short, or the catalogue"
+            " was put back from a backup. `dynreg verify --repair` takes it into the catalogue; after the next put"
+            " `dynreg gc` removes it",
+            Assumed,
+            3,
+        )
+    gone = [Unneeded(name, _NAMED_BY_NOTHING, there[name]) for name in unnamed if name not in doubted]
+    return gone, tuple(doubted.values())
 
 
-def _unnamed(directory: Directory, connection: Connection) -> Iterator[Unneeded]:
-    """Files of contents that no row names; of a known robot only log maps."""
-    named = set(connection.execute(select(tables.files.c.path)).scalars())
-    robots = {row.hash: manifest_of(row._asdict()) for row in connection.execute(select(tables.robots))}
+def _fetched(directory: Directory, name: str) -> tuple[Page, str]:
+    """A page in the bucket, and its sha256; RegistryError where it is damaged: what it names is unknown then."""
+    try:
+        return decode_page(name.rpartition("/")[2], directory.bucket.read(name))
+    except (OSError, ValueError) as error:
+        raise _ledger_lost(_bucket_of(directory)) from error
+
+
+def _bucket_of(directory: Directory) -> str:
+    return str(directory.bucket.uri.partition("?")[0])
+
+
+def _unnamed(directory: Directory, connection: Connection, doubted: tuple[Page, ...]) -> Iterator[Unneeded]:
+    """Files of contents that no row names, of the catalogue or of pages in doubt; of a known robot only log maps."""
+
+    def told(column: Column[str]) -> set[str]:
+        table, rows = column.table, set(connection.execute(select(column)).scalars())
+        return rows | {
+            named(table, row)[column.name] for page in doubted for row in page.put.get(table.name, ())
+        }
+
+    files, robots = told(tables.files.c.path), told(tables.robots.c.hash)
     for folder in CONTENTS:
         for name in directory.names(folder):
-            if name in named or (directory.path / name).is_symlink():
+            if name in files or (directory.path / name).is_symlink():
                 continue
             if folder == ROBOTS and name.split("/")[1] in robots:
                 continue  # a put sweeps its maps, and what else is there is a fault

@@ -93,8 +93,12 @@ def pages_after(root: Path, number: int) -> list[Path]:
 
 def read_page(path: Path) -> tuple[Page, str]:
     """A page and its sha256; ValueError or OSError where the file is not as it was written."""
-    data = read_regular(path)
-    named = _NAME.fullmatch(path.name)
+    return decode_page(path.name, read_regular(path))
+
+
+def decode_page(name: str, data: bytes) -> tuple[Page, str]:
+    """The page in a file of this name, and its sha256; ValueError where its bytes are not those that were written."""
+    named = _NAME.fullmatch(name)
     if named is None:
         raise ValueError("no name of a page")
     sha256 = content_name(LEDGER, named[1], data, "json").sha256

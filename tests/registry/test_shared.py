@@ -19,7 +19,7 @@ from registry_contents import (
 )
 
 import dynreg.registry.server as server
-from dynreg.errors import CorruptError, NoPlaceError, RegistryError, UsageError
+from dynreg.errors import Assumed, CorruptError, NoPlaceError, RegistryError, UsageError
 from dynreg.registry import Registry, rebuild, verify
 from dynreg.registry.bucket import Bucket
 from dynreg.registry.collecting import collect
@@ -327,6 +327,65 @@ def test_a_database_of_yesterday_is_found_and_gets_what_came_since(faces, robot,
         assert again.content_hash() == content
         assert [info.names for info in again.recordings()] == [("run 1",), ("run 2",)]
     assert verify(registry.path).faults == ()
+
+
+def test_gc_keeps_the_last_put_that_a_database_from_a_backup_does_not_name(faces, robot, stores, place):
+    registry = faces()
+    fill(registry, robot)
+    registry.close()
+    stores.sql("postgres", f"CREATE DATABASE {place}y TEMPLATE {place}")
+    with Registry.open(registry.path) as again:
+        again.put_robot(robot, "ef" * 32, "leg")
+        content = again.content_hash()
+    back = f"CREATE DATABASE {place} TEMPLATE {place}y"
+    stores.sql("postgres", f"DROP DATABASE {place} WITH (FORCE)", back, f"DROP DATABASE {place}y")
+    with Registry.open(registry.path) as again:
+        with pytest.warns(Assumed, match=r"ledger/.* are kept: .*`dynreg verify --repair` takes it"):
+            assert collect(again) == ()
+    assert not verify(registry.path, repair=True).lost
+    with Registry.open(registry.path) as again:
+        assert again.content_hash() == content
+    assert verify(registry.path).faults == ()
+
+
+def test_gc_removes_the_page_of_a_put_that_was_cut_short_once_another_has_its_number(
+    faces, robot, monkeypatch
+):
+    registry = faces()
+    fill(registry, robot)
+    with monkeypatch.context() as short, pytest.raises(OSError, match="killed"):
+        short.setattr(Writing, "enter", killed)
+        registry.put_recording(make_recording(1), ROBOT, "run 1")
+    with pytest.warns(Assumed, match="are kept"):
+        assert collect(registry) == ()
+    registry.put_recording(make_recording(2), ROBOT, "run 2")
+    content = registry.content_hash()
+    assert {one.path.split("/")[0] for one in collect(registry)} == {"ledger", "recordings"}
+    assert collect(registry) == () and registry.content_hash() == content
+    assert verify(registry.path).faults == ()
+
+
+def killed(*_: object) -> None:
+    raise OSError("killed")
+
+
+def test_gc_refuses_a_database_from_a_backup_that_went_on_before_it_was_repaired(faces, robot, stores, place):
+    registry = faces()
+    fill(registry, robot)
+    registry.close()
+    stores.sql("postgres", f"CREATE DATABASE {place}y TEMPLATE {place}")
+    with Registry.open(registry.path) as again:
+        for seed in (1, 2):
+            again.put_recording(make_recording(seed), ROBOT, f"run {seed}")
+    back = f"CREATE DATABASE {place} TEMPLATE {place}y"
+    stores.sql("postgres", f"DROP DATABASE {place} WITH (FORCE)", back, f"DROP DATABASE {place}y")
+    with Registry.open(registry.path) as again:
+        again.put_recording(make_recording(3), ROBOT, "run 3")
+        with pytest.raises(RegistryError, match="older than the ledger"):
+            collect(again)
+    verify(registry.path, repair=True)
+    with Registry.open(registry.path) as again:
+        assert {info.id for info in again.recordings()} == {make_recording(seed).id for seed in (1, 2, 3)}
 
 
 SECRET = "open-sesame"
