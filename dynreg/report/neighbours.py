@@ -29,7 +29,7 @@ def verdict(result: Neighbours) -> str:
         return f"For {name}, {_answer(result)} is the nearest: not known whether it is close."
     if result.far:
         return f"No simulator that was replayed is close to {name}: do not rely on the best one."
-    if not result.fits:
+    if result.fits is False:
         return f"No simulator of this population fits {name}: do not rely on the best one."
     if result.answer_kind == "nominal":
         return f"For {name}, use the nominal model: no simulator near it did better."
@@ -51,7 +51,7 @@ def comparison(result: Neighbours) -> str:
     if result.gain is None or result.answer_kind == "nominal":
         return ""
     error = f"error on held-out data is {gain_words(result.gain, 'nominal')}"
-    if not result.fits:
+    if result.fits is False:
         return f"The best is {_answer(result)}: its {error}. It is still too large for a fit."
     return f"The best is {_answer(result)}: its {error}." if result.unclear else f"Its {error}."
 
@@ -62,7 +62,7 @@ def next_steps(result: Neighbours) -> tuple[str, ...]:
     diagnose = command("diagnose", result.recording_name)
     if result.far:
         steps.append(f"Search for a simulator that fits: {command('query', result.recording_name)}")
-    if not result.fits:
+    if result.fits is False:
         steps.append(f"Ask what the model lacks: {diagnose}")
         steps.append(f"Check the log: dynreg doctor LOG --robot {result.robot}")
         steps.append(
@@ -76,7 +76,7 @@ def next_steps(result: Neighbours) -> tuple[str, ...]:
         steps.append(f"Ask what all of them lack: {diagnose}")
     elif result.untested:
         steps.append(f"See whether it is close: {command('query', result.recording_name)}")
-    elif result.fits:
+    elif result.fits is not False:
         export = command("export", result.answer[:12], "--as", "robot", "--to", "FOLDER")
         steps.append(f"Export the simulator as a robot folder: {export}")
         steps.append(f"Ask what it lacks: {diagnose}")
@@ -85,7 +85,7 @@ def next_steps(result: Neighbours) -> tuple[str, ...]:
 
 def refusal(result: Neighbours) -> NoMatchError | None:
     """The error of a query that no simulator fits; None otherwise."""
-    if result.fits:
+    if result.fits is not False:
         return None
     diagnose = command("diagnose", result.recording_name)
     if result.far:
@@ -111,8 +111,8 @@ def tables(result: Neighbours) -> Group:
     parts += [_neighbour_table(result), _stage_table(result)]
     if result.synthesised:
         title = "parameters of the synthesised simulator"
-        parts.append(estimate_table(result.synthesised.parameters, title, reliable=result.fits))
-        parts += [] if result.fits else [Text(result.reliance)]
+        parts.append(estimate_table(result.synthesised.parameters, title, reliable=result.fits is not False))
+        parts += [Text(result.reliance)] if result.fits is False else []
     if result.channels:
         parts.append(_channel_table(result))
     held_out = held_out_words(result.parts)
@@ -187,7 +187,7 @@ def page(result: Neighbours) -> dict[str, Any]:
         "tracks": _neighbour_tracks(result),
         "channels": _channel_bars(result),
         "not_scored": "" if all(c.scored for c in result.channels) else NOT_SCORED,
-        "interval_name": interval_words(result.fits),
+        "interval_name": interval_words(result.fits is not False),
         "names": list(result.nominal.parameters),
         "units": {n: e.unit for n, e in result.synthesised.parameters.items()} if result.synthesised else {},
     }

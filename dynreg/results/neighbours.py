@@ -92,6 +92,8 @@ class Neighbours(Result):
     gain : of the answer over the nominal simulator, on the test part. Like every replay error it counts the scored
     channels alone, each in units of its motion and by its weight.
     measured : the nearest other recordings in the same population, at most k, where the distance compares models.
+    fits : whether the answer errs as a robot of the family would; null where nothing was replayed, so nothing was
+    judged (true in older documents).
     misfit : error of the answer over the median of the errors that robots of the family would leave, under the same
     commands: simulated ones with noise, disturbed drives and finer time steps, and as unsteady as the recording's runs
     of the same commands. It is about 1 for a robot of the family. misfit_limit : 99 % of the robots of the family stay
@@ -122,7 +124,7 @@ class Neighbours(Result):
     parts: dict[Literal["fit", "select", "test"], tuple[str, ...]]
     channels: tuple[ChannelError, ...]
     traces: tuple[Trace, ...]
-    fits: bool
+    fits: bool | None
     misfit: float | None = None
     misfit_limit: float | None = None
     sharpened: bool | None = None
@@ -145,7 +147,7 @@ class Neighbours(Result):
     @property
     def far(self) -> bool:
         """Whether the answer does not fit, and no search looked for one that does."""
-        return not self.fits and self.sharpened is False
+        return self.fits is False and self.sharpened is False
 
     @property
     def untested(self) -> bool:
@@ -155,7 +157,7 @@ class Neighbours(Result):
     @property
     def reliance(self) -> str:
         """How far the intervals of the synthesised simulator's parameters can be relied on, in words."""
-        if self.fits:
+        if self.fits is not False:
             return "These intervals hold if the model is complete."
         return "Do not rely on these intervals: no simulator fits, so the model is not complete."
 
@@ -184,7 +186,7 @@ class Neighbours(Result):
             return f"{self.recording_name}: {self.answer[:12]} is the nearest, not known whether it is close"
         if self.far:
             return f"{self.recording_name}: {self.answer[:12]} is the best of those replayed, and not close{gain}"
-        if not self.fits:
+        if self.fits is False:
             return f"{self.recording_name}: no simulator of this population fits. The best is {self.answer[:12]}{gain}"
         if self.unclear:
             return f"{self.recording_name}: no simulator here is clearly better than nominal{gain}"

@@ -66,7 +66,7 @@ def _named(asked: Recorded, refs: Sequence[str]) -> tuple[Simulator, ...]:
 def _close_enough(asked: Recorded, settings: QuerySettings, progress: Progress | None) -> Neighbours:
     found = query(asked, settings, progress)
     asked.keep(found)
-    if not found.fits:
+    if found.fits is False:
         raise NoMatchError(
             f"no simulator is close enough to {asked.name!r}: {found.alarm}",
             expected="a recording that the population can explain",

@@ -106,7 +106,7 @@ def unjudged(subject: Subject) -> Neighbours:
         gain=None,
         channels=(),
         traces=(),
-        fits=True,
+        fits=None,
         misfit=None,
         misfit_limit=None,
         alarm=None,

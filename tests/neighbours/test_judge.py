@@ -91,7 +91,8 @@ def test_what_the_usual_query_refuses_is_never_to_be_used_without_a_search(servo
 
 def test_without_replays_it_is_not_known_whether_the_nearest_is_close(servos):
     answer = servos.query(servos.ingest(log(3), "servo_pendulum"), synthesise=False, replay=False)
-    assert answer.misfit is None and refusal(answer) is None
+    assert answer.misfit is None and answer.fits is None and refusal(answer) is None
+    assert any("See whether it is close" in step for step in next_steps(answer))
     for said in (verdict(answer), str(answer)):
         assert "not known whether it is close" in said and "use" not in said
 
