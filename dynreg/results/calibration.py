@@ -120,7 +120,8 @@ class Calibration(Result):
     test part; null in results of version 1. ended : why the method ended: "budget", "converged", "nothing to fit",
     "episodes", "plan" where all generations of one were run, "iterations", "goal" where a task was met, what budget of
     trials is spent, or the verdict of a diagnosis. population : id of the one that was searched. question : hash of the
-    recording, the robot, the method and its settings, by which a finished one is found again; null in older documents.
+    recording, the robot, the method, its settings and the versions of dynreg and MuJoCo, by which a finished one is
+    found again; null in older documents.
     """
 
     schema_: Literal["dynreg/calibration/2"] = Field(default="dynreg/calibration/2", alias="schema")

@@ -20,7 +20,7 @@ def accept(registry: Registry, robot: Robot) -> None:
     """
     if robot.hash in _SOUND or is_packaged(robot):
         return
-    key = {"robot": robot.hash, "limits": vars(limits()), "versions": _versions()}
+    key = {"robot": robot.hash, "limits": vars(limits()), "versions": versions()}
     known = registry.cached("robot_check", key)
     if known is None:
         errors = [str(finding) for finding in inspect_files(robot.files) if finding.severity == "error"]
@@ -37,8 +37,8 @@ def accept(registry: Registry, robot: Robot) -> None:
     _SOUND.add(robot.hash)
 
 
-def _versions() -> dict[str, str]:
-    """Of what checks a robot, where it is installed and not just a folder on the path."""
+def versions() -> dict[str, str]:
+    """Of what simulates a robot, where it is installed and not just a folder on the path."""
     found = {}
     for name in ("dynreg", "mujoco"):
         with suppress(PackageNotFoundError):

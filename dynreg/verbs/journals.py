@@ -13,6 +13,7 @@ from dynreg.errors import Assumed, CorruptError, UsageError
 from dynreg.registry import Registry
 from dynreg.registry.files import LOCKS, try_lock
 from dynreg.search.journal import Journal, damage
+from dynreg.verbs.accepted import versions
 
 
 @dataclass(frozen=True)
@@ -32,8 +33,8 @@ class Journals:
 
     @property
     def key(self) -> str:
-        """What this question and how it is run are known by."""
-        return _hash({**self.question, **self.how})
+        """What this question, how it is run and what runs it are known by: another version may answer otherwise."""
+        return _hash({**self.question, **self.how, "versions": versions()})
 
     @contextmanager
     def held(self, stage: str) -> Iterator[None]:

@@ -1,5 +1,6 @@
 """One interface for every method: the same document, the lineage of what was made, and a run that goes on."""
 
+import importlib.metadata
 import warnings
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pytest
 from tiny_registry import bench_csv, make
 
 import dynreg
+import dynreg.verbs.accepted as accepted
 from dynreg.adapt.plan import read_plan, resolved
 from dynreg.cli.schemas import schema_files
 from dynreg.data.recording import Recording
@@ -164,6 +166,19 @@ def test_a_calibration_that_ended_is_given_as_it_is_stored(session: Session, pla
         again = asked(session, place, "random", seed=8, budget=4, resume=True, progress=never)
     assert again.to_dict() == first.to_dict() and len(session.list("result").rows()) == held
     assert asked(session, place, "random", seed=8, budget=5).question != first.question
+
+
+@pytest.mark.parametrize("name", ["dynreg", "mujoco"])
+def test_a_calibration_that_another_version_ended_is_computed_again(
+    session: Session, place: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    first = asked(session, place, "random", seed=9, budget=4)
+    monkeypatch.setattr(
+        accepted, "version", lambda one: "9.9" if one == name else importlib.metadata.version(one)
+    )
+    with pytest.warns(Assumed, match="nothing to go on with: the calibration begins"):
+        again = asked(session, place, "random", seed=9, budget=4, resume=True)
+    assert again.question != first.question
 
 
 def test_several_recordings_are_fitted_together_and_a_stage_may_name_one(
