@@ -31,7 +31,7 @@ from dynreg.registry.files import (
 )
 from dynreg.registry.reaching import lost
 from dynreg.registry.served import ServedCatalog
-from dynreg.registry.server import let_idle
+from dynreg.registry.server import let_idle, persistent
 from dynreg.registry.sweeping import remove_files, size_of
 from dynreg.registry.writing import Writing
 
@@ -253,6 +253,7 @@ class Directory:
             return self.catalog.claim(name)
         return _file_lock(self.home / LOCKS / f"{name}.lock")
 
+    @persistent
     def _registered(self, relative: Iterable[str]) -> list[StoredFile]:
         """Registered files by their names; CorruptError for one that the catalogue does not know."""
         table, known = tables.files, {}

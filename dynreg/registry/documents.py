@@ -13,12 +13,10 @@ from dynreg.registry.files import StoredFile, content_name
 from dynreg.registry.hashes import result_id
 from dynreg.registry.infos import ResultRecord
 from dynreg.registry.rows import require
-from dynreg.registry.server import persistent
 
 KIND = re.compile(r"[a-z][a-z_]*")
 
 
-@persistent
 def put_simulator(directory: Directory, config: dict[str, Any]) -> str:
     """Store a simulator's configuration; its id is the hash of its canonical JSON."""
     file, data = _encode("simulators", "simulator", config)
@@ -36,7 +34,6 @@ def get_simulator(directory: Directory, simulator_id: str) -> dict[str, Any]:
     return directory.read_json(row.path)
 
 
-@persistent
 def put_result(directory: Directory, kind: str, recording_id: str, document: dict[str, Any]) -> str:
     """Store a result and return its id; it becomes the latest of its kind.
 

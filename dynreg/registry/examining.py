@@ -1,9 +1,10 @@
 """An examination of a registry: its catalogue and its ledger are compared, then both with its files."""
 
 import sqlite3
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,9 @@ from sqlalchemy import Connection, select
 from sqlalchemy.exc import DBAPIError
 
 import dynreg.registry.migrations as migrations
+import dynreg.registry.server as server
 import dynreg.registry.tables as tables
-from dynreg.errors import CorruptError
+from dynreg.errors import CorruptError, RegistryError
 from dynreg.registry.catalog import FILE, Catalog, rows_of
 from dynreg.registry.comparing import Fault, VerifyReport, compare, differing_rows
 from dynreg.registry.database import explained
@@ -83,7 +85,7 @@ def stored_in(path: Path, begin: str) -> Iterator[Stored]:
         try:
             with ExitStack() as reading:
                 connection = reading.enter_context(opened.catalog.transaction(begin))
-                stored = _read(path, connection)
+                stored = _read(connection, partial(explained, path / FILE))
                 if stored.usable:
                     stored = replace(stored, catalog=opened.catalog, connection=connection)
                     stack.push(reading.pop_all())  # the transaction stays
@@ -94,10 +96,12 @@ def stored_in(path: Path, begin: str) -> Iterator[Stored]:
 
 def read_served(place: Path, catalog: ServedCatalog, connection: Connection) -> Stored:
     """What a catalogue on a server holds, inside a transaction on it; copies of its files lie in `place`."""
-    return replace(_read(place, connection), catalog=catalog, connection=connection, ledger=place)
+    stored = _read(connection, partial(server.explained, catalog.url))
+    return replace(stored, catalog=catalog, connection=connection, ledger=place)
 
 
-def _read(path: Path, connection: Connection) -> Stored:
+def _read(connection: Connection, told: Callable[[Exception], RegistryError]) -> Stored:
+    """told : the meaning of an error of the database."""
     try:
         if set(migrations.pending(connection)) == set(migrations.STEPS):
             return Stored()  # its creation was cut short
@@ -109,7 +113,7 @@ def _read(path: Path, connection: Connection) -> Stored:
         pages = dict(connection.execute(select(tables.pages.c.number, tables.pages.c.sha256)).all())
         return Stored(rows, pages, tuple(broken or broken_seals(connection)), usable=not broken)
     except (DBAPIError, sqlite3.Error, UnicodeDecodeError) as error:
-        problem = explained(path / FILE, error)
+        problem = told(error)
         if not isinstance(problem, CorruptError):
             raise problem from error
         return Stored(faults=(problem.problem,))

@@ -16,12 +16,10 @@ from dynreg.registry.files import content_name, unreadable
 from dynreg.registry.populations import get_population
 from dynreg.registry.records import MeasuredEntry
 from dynreg.registry.rows import require
-from dynreg.registry.server import persistent
 
 _HEADER = ("population", "recording", "own_loss", "train_loss")
 
 
-@persistent
 def put_measured(directory: Directory, entry: MeasuredEntry) -> str:
     """Store the model of a recording in a population, where it has none there yet; returns the id of the stored one.
 

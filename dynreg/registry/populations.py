@@ -24,7 +24,6 @@ from dynreg.registry.shapes import check_spec
 Span = tuple[int, int]  # numbers of entries: first, and one past the last
 
 
-@persistent
 def put_population(directory: Directory, record: PopulationRecord) -> None:
     """Register a population, or let a known one grow to `record.size` (it never shrinks).
 
@@ -62,7 +61,6 @@ def population_file(record: PopulationRecord) -> tuple[StoredFile, bytes]:
     return content_name("populations", record.id[:16], data, "safetensors"), data
 
 
-@persistent
 def get_population(directory: Directory, population_id: str) -> PopulationRecord:
     """The record of a population; NoMatchError when unknown, CorruptError when its file is damaged or it is too big."""
     with directory.catalog.read() as connection:

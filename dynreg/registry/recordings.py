@@ -19,7 +19,6 @@ from dynreg.registry.writing import Writing
 _IS_HASH = re.compile(r"[0-9a-f]{64}")
 
 
-@persistent
 def put_recording(
     directory: Directory, recording: Recording, robot_hash: str, name: str | None = None
 ) -> str:

@@ -38,16 +38,18 @@ from dynreg.registry.records import (
     ShardData,
 )
 from dynreg.registry.renewing import renew
-from dynreg.registry.server import persistent
+from dynreg.registry.server import waiting
 from dynreg.registry.sharing import Shared, share, shared_at
 
 
+@waiting
 class Registry:
     """A registry directory, open; `with Registry.open(path) as registry: ...`.
 
     Every put writes its files first and then enters them in one catalogue transaction, so a process that
     is killed leaves the registry as it was, or with all of the put. Puts are idempotent by content.
-    Several processes may read and write at once. A `ref` is what `resolve` understands.
+    Several processes may read and write at once. A server that was there before is waited for (`server.persistent`).
+    A `ref` is what `resolve` understands.
     """
 
     def __init__(self, directory: Directory):
@@ -114,7 +116,6 @@ class Registry:
                 do="copy it to a place of your own, or mend its permissions",
             )
 
-    @persistent
     def resolve(self, ref: str, kinds: Collection[str] = references.KINDS) -> tuple[str, str]:
         """(kind, id) of a hash, a unique prefix of one, a name or `@last`; else NoMatchError."""
         with self.directory.catalog.read() as connection:
@@ -166,7 +167,6 @@ class Registry:
                 warnings.warn(f"population {identity[:12]} is passed over: {error.problem}", Damaged, 2)
         return tuple(found)
 
-    @persistent
     def count(self, ref: str) -> int:
         """Entries that a population holds now."""
         table = tables.entries

@@ -14,12 +14,10 @@ from dynreg.registry.codec import canonical_json
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import ROBOTS, StoredFile, content_hash, sha256_of, write_file
 from dynreg.registry.rows import require, row_of
-from dynreg.registry.server import persistent
 from dynreg.registry.versions import numbered
 from dynreg.registry.writing import Writing
 
 
-@persistent
 def put_robot(
     directory: Directory, folder: Folder | Path, robot_hash: str, name: str, version: int | None = None
 ) -> None:

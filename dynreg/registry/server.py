@@ -3,7 +3,9 @@
 import time
 import warnings
 from collections.abc import Callable
+from contextvars import ContextVar
 from functools import wraps
+from inspect import isfunction
 from typing import Any, ParamSpec, TypeVar
 
 from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
@@ -17,6 +19,7 @@ IDLE_SECONDS = 600  # after which the server ends a transaction whose process sa
 PAUSES = (0.2, 0.5, 1.0, 2.0, 4.0, 8.0, 15.0, 15.0, 15.0)
 _SAID = 2  # how often it is tried without a word
 _WAIT = 10  # seconds for a connection
+_WAITING: ContextVar[bool] = ContextVar("waiting", default=False)  # whether a caller makes its work again
 # A process whose machine is gone lets go of its locks after about a minute.
 _ALIVE = {"keepalives": 1, "keepalives_idle": 20, "keepalives_interval": 10, "keepalives_count": 4}
 _SERVER_ALIVE = "-c tcp_keepalives_idle=20 -c tcp_keepalives_interval=10 -c tcp_keepalives_count=4"
@@ -40,7 +43,7 @@ _RIGHTS = ("42501", "25006", "28", "0L", "0P")
 _ROOM = ("53", "58")
 _DAMAGED = ("42P01", "42703", "XX001", "XX002")
 
-P, R = ParamSpec("P"), TypeVar("R")
+P, R, T = ParamSpec("P"), TypeVar("R"), TypeVar("T")
 
 
 def address(text: str) -> URL:
@@ -101,29 +104,48 @@ def let_idle(connection: Connection) -> None:
 def persistent(work: Callable[P, R]) -> Callable[P, R]:
     """A put or a look that is made again where the server broke it off: a put is idempotent by its content.
 
-    It waits a minute in all, with growing pauses, and says so. Raises NoPlaceError where the server is away longer.
+    It waits a minute in all, with growing pauses, and says so; within another that waits it leaves that to it. Raises
+    NoPlaceError where the server is away longer.
     """
 
     @wraps(work)
     def run(*args: P.args, **told: P.kwargs) -> R:
-        for number, pause in enumerate(PAUSES):
-            try:
-                return work(*args, **told)
-            except Interrupted as error:
-                if number == _SAID:
-                    text = f"{error.problem}: it is tried again for {sum(PAUSES):.0f} s"
-                    warnings.warn(text, Awaited, 2)
-                time.sleep(pause)
-        try:
+        if _WAITING.get():
             return work(*args, **told)
-        except Interrupted as error:  # no Interrupted any more: whoever called need not wait once more
-            raise NoPlaceError(
-                f"{error.problem}; it was tried again for {sum(PAUSES):.0f} s",
-                expected=error.expected,
-                do=f"{error.do}: what was stored stays",
-            ) from error
+        outermost = _WAITING.set(True)
+        try:
+            return _tried(lambda: work(*args, **told))
+        finally:
+            _WAITING.reset(outermost)
 
     return run
+
+
+def waiting(kind: type[T]) -> type[T]:
+    """A class whose public methods, looks and puts, are each made again where a server broke them off."""
+    for name, method in list(vars(kind).items()):
+        if isfunction(method) and not name.startswith("_"):
+            setattr(kind, name, persistent(method))
+    return kind
+
+
+def _tried(work: Callable[[], R]) -> R:
+    for number, pause in enumerate(PAUSES):
+        try:
+            return work()
+        except Interrupted as error:
+            if number == _SAID:
+                text = f"{error.problem}: it is tried again for {sum(PAUSES):.0f} s"
+                warnings.warn(text, Awaited, 3)
+            time.sleep(pause)
+    try:
+        return work()
+    except Interrupted as error:
+        raise NoPlaceError(
+            f"{error.problem}; it was tried again for {sum(PAUSES):.0f} s",
+            expected=error.expected,
+            do=f"{error.do}: what was stored stays",
+        ) from error
 
 
 def shown(url: URL) -> str:

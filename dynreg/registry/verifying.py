@@ -29,6 +29,7 @@ from dynreg.registry.repairing import check_room, foreseen, mended, put_away, re
 from dynreg.registry.scan import damaged_here
 from dynreg.registry.seal import drop_views, lost_tables
 from dynreg.registry.served import ServedCatalog
+from dynreg.registry.server import persistent
 from dynreg.registry.sharing import Shared, open_shared, share, shared_at
 
 _EMPTY = (Fault("catalog", "on the server", "it lacks what the bucket holds", lost=False),)
@@ -93,11 +94,26 @@ def rebuild(path: Path, catalog: str, blobs: str) -> VerifyReport:
 
 
 def _of_shared(path: Path, told: Shared, repair: bool, dry_run: bool) -> VerifyReport:
-    """`verify` of a shared registry: its bucket is copied to a folder here; what a repair changes there goes back."""
-    directory = open_shared(path, told, migrate=False)
-    with closing(directory), temporary_folder(path / "copy") as place:
+    """`verify` of a shared registry; what a server broke off is made again, but for a repair, which changes things."""
+    with closing(open_shared(path, told, migrate=False)) as directory:
         with directory.catalog.transaction("BEGIN") as connection:
             lacking = lost_tables(connection)
+        compared = _compared if repair else persistent(_compared)
+        report = compared(directory, told, lacking, repair, dry_run)
+        if repair:
+            sweep(path)
+        return _with_words(report, "would be " * dry_run) if repair or dry_run else report
+
+
+def _compared(
+    directory: Directory, told: Shared, lacking: Sequence[str], repair: bool, dry_run: bool
+) -> VerifyReport:
+    """The bucket is copied to a folder here, and compared there; what a repair changes there goes back.
+
+    lacking : tables that the catalogue lacks.
+    """
+    path = directory.path
+    with temporary_folder(path / "copy") as place:
         with directory.catalog.transaction("BEGIN IMMEDIATE" if repair or lacking else "BEGIN") as connection:
             directory.take_time(connection)  # the bucket is copied within it
             if lacking:  # they are made for the examination, and stay where it ends with a repair
@@ -127,8 +143,7 @@ def _of_shared(path: Path, told: Shared, repair: bool, dry_run: bool) -> VerifyR
         report = replace(report, faults=(*lost, *faults))
         if repair:
             put_away(path, list(damaged))
-            sweep(path)
-        return _with_words(report, "would be " * dry_run) if repair or dry_run else report
+        return report
 
 
 def _older(catalog: ServedCatalog, place: Path) -> tuple[Fault, ...]:

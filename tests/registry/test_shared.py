@@ -3,6 +3,7 @@
 import shutil
 import threading
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +18,17 @@ from registry_contents import (
     make_shard,
     populate,
 )
+from sqlalchemy import Engine
+from sqlalchemy.exc import OperationalError
 
+import dynreg.registry.references as references
 import dynreg.registry.server as server
-from dynreg.errors import Assumed, CorruptError, NoPlaceError, RegistryError, UsageError
+from dynreg.errors import Assumed, CorruptError, Interrupted, NoPlaceError, RegistryError, UsageError
 from dynreg.registry import Registry, rebuild, verify
 from dynreg.registry.bucket import Bucket
 from dynreg.registry.collecting import collect
 from dynreg.registry.reaching import explained
+from dynreg.registry.served import ServedCatalog
 from dynreg.registry.writing import Writing
 
 
@@ -239,6 +244,63 @@ def test_a_put_that_the_server_broke_off_is_made_again(faces, robot, stores, pla
     recording = registry.put_recording(make_recording(1), ROBOT, "first run")
     assert len(broken) == 2 and registry.resolve("first run") == ("recording", recording)
     assert verify(registry.path).faults == ()
+
+
+LOOKS = {
+    "robots": lambda registry: registry.robots(),
+    "population": lambda registry: registry.population("bench").id,
+    "load": lambda registry: registry.load("bench").ids,
+    "recordings": lambda registry: registry.recordings(),
+    "recording": lambda registry: registry.recording("first run").id,
+    "simulator": lambda registry: registry.simulator(registry.ids("simulator")[0]),
+    "latest": lambda registry: registry.latest().id,
+    "holds": lambda registry: registry.holds(make_recording(1).id),
+    "content": lambda registry: registry.content_hash(),
+    "models": lambda registry: registry.models("bench", range(3)).take(np.arange(3))["b0"].tolist(),
+    "verify": lambda registry: verify(registry.path),
+}
+
+
+@pytest.mark.parametrize("name", LOOKS)
+def test_a_look_that_the_server_broke_off_is_made_again(shared, stores, monkeypatch, name):
+    registry, look, read, broken = shared, LOOKS[name], ServedCatalog.transaction, []
+    expected = look(registry)
+    place = registry.directory.catalog.url.database
+
+    @contextmanager
+    def breaking(self: ServedCatalog, begin: str):
+        with read(self, begin) as connection:
+            broken.append(begin)
+            if len(broken) in (2, 3):  # of a verification the first look is whether its server is there
+                stores.sql("postgres", _END_ALL.format(place))
+            yield connection
+
+    monkeypatch.setattr(ServedCatalog, "transaction", breaking)
+    monkeypatch.setattr(server, "PAUSES", (0.01,) * 3)
+    for _ in range(2):  # some make a single transaction
+        assert look(registry) == expected
+    assert len(broken) > 3
+
+
+def test_a_wait_within_a_wait_is_no_longer_than_one(shared, monkeypatch):
+    registry, connects, paused = shared, iter(range(1000)), []
+    connect = Engine.connect
+
+    def flapping(self: Engine):
+        if next(connects) % 2:
+            return connect(self)
+        raise OperationalError("", {}, Exception("server closed the connection unexpectedly"))
+
+    def broken(*_: object):
+        raise Interrupted("it broke off", expected="x", do="y")
+
+    registry.robots()  # the server was there before
+    monkeypatch.setattr(Engine, "connect", flapping)
+    monkeypatch.setattr(references, "resolve", broken)
+    monkeypatch.setattr(server.time, "sleep", paused.append)
+    with pytest.raises(NoPlaceError, match=f"tried again for {sum(server.PAUSES):.0f} s"):
+        registry.count("bench")
+    assert paused == list(server.PAUSES)
 
 
 def test_a_writer_that_hangs_is_told_of(faces, monkeypatch):
