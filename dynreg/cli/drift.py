@@ -29,7 +29,11 @@ def drift(
     log_map: MapOfLog = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="On wheels: also write the updated displacement table, as Parquet."),
+        typer.Option(
+            "--out",
+            "-o",
+            help="On wheels: also write the updated displacement table, as Parquet, in place of a file that is there.",
+        ),
     ] = None,
     report: Page = None,
 ) -> None:

@@ -21,7 +21,12 @@ def excite(
     robot: RobotFolder,
     settings: ExciteSettings,
     out: Annotated[
-        Path, typer.Option("--out", "-o", help="File to write: .csv or .mcap; with --legs, a new folder.")
+        Path,
+        typer.Option(
+            "--out",
+            "-o",
+            help="File to write, in place of one that is there: .csv or .mcap; with --legs, a new folder.",
+        ),
     ],
 ) -> None:
     """Write commands that separate effects, or let legs hang free.

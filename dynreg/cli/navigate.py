@@ -21,7 +21,10 @@ def navigate(
     robot: RobotOfLog = None,
     log_map: MapOfLog = None,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Also write the commands to this file, as CSV.")
+        Path | None,
+        typer.Option(
+            "--out", "-o", help="Also write the commands to this file, as CSV, in place of one that is there."
+        ),
     ] = None,
     report: Page = None,
 ) -> None:

@@ -32,4 +32,6 @@ RobotOfLog = Annotated[
     typer.Option(help="Robot of a log; any with a recording's channels.", autocompletion=robot_names),
 ]
 MapOfLog = Annotated[Path | None, typer.Option("--map", help="Map of a log given by path.")]
-Page = Annotated[Path | None, typer.Option(help="Also write an HTML report to this file.")]
+Page = Annotated[
+    Path | None, typer.Option(help="Also write an HTML report to this file, in place of one that is there.")
+]

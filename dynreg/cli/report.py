@@ -17,7 +17,9 @@ def report(
             help="Result: hash, prefix of one, @last (the last result), or a recording for its last one.",
         ),
     ],
-    out: Annotated[Path, typer.Option(help="HTML file to write.")] = Path("report.html"),
+    out: Annotated[Path, typer.Option(help="HTML file to write, in place of one that is there.")] = Path(
+        "report.html"
+    ),
 ) -> None:
     """Write a stored result as one HTML page.
 
