@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dynreg.progress import Progress
-from dynreg.verbs.calibrate import CalibrateSettings, calibrate
+from dynreg.verbs.calibrate import CalibrateSettings, calibrate, require_door
 from dynreg.verbs.compare import CompareSettings, compare
 from dynreg.verbs.diagnose import DiagnoseSettings, diagnose, faster
 from dynreg.verbs.drift import DriftSettings, drift
@@ -195,11 +195,13 @@ class Session:
         (see `ScoredFolder`). gait is what it begins with: a stored gait or {gene: value}; by default the gaits of
         the robot's folder. rules are sizes other than the published ones. say tells what to do in the folder.
         """
-        from dynreg.verbs.calibrate_by_trials import calibrate_by_trials, require_recordings
-
         settings, tries = CalibrateSettings(**told), {"robot_door": robot_door, "gait": gait, "rules": rules}
         if settings.tries:
-            tries |= {"robot": robot, "log_map": log_map, "say": say}
+            require_door(settings.method, robot_door, robot)
+        from dynreg.verbs.calibrate_by_trials import calibrate_by_trials, require_recordings
+
+        if settings.tries:
+            tries |= {"log_map": log_map, "say": say}
             return calibrate_by_trials(self.registry, recording, settings, progress, **tries)
         require_recordings(self.registry, recording, settings.method, tries)
         return _CALIBRATE.ask(self.registry, recording, settings, robot, log_map, progress)

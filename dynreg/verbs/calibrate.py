@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dynreg.errors import Assumed, NoMatchError, UsageError
+from dynreg.errors import Assumed, NoMatchError, UsageError, command
 from dynreg.methods.table import METHODS
 from dynreg.progress import Progress
 from dynreg.verbs.settings import Settings, hold_out, option, seed, threads
@@ -106,6 +106,29 @@ def unfit(name: str, shown: str, method: str, setting: str) -> UsageError:
         expected=f"it with {', '.join(able(setting))}",
         do="leave it out, or choose another method",
         setting=name,
+    )
+
+
+def require_door(method: str, door: object, robot: object) -> None:
+    """UsageError where a method that tries a robot gets none to try, or a second one; before anything is loaded."""
+    if robot is not None:
+        name = getattr(robot, "name", "") if not isinstance(robot, str | Path) else str(robot)
+        raise UsageError(
+            f"robot {name!r} with method {method!r}, which is asked about a robot alone",
+            expected=f"the robot in the recording's place: {command('calibrate', name, '--method', method)}",
+            do="leave this argument out",
+            setting="robot",
+        )
+    if door is None:
+        raise no_door(f"method {method!r} without a robot to try")
+
+
+def no_door(problem: str) -> UsageError:
+    """The error for what is no robot that can be tried."""
+    return UsageError(
+        problem,
+        expected="a folder for its trials; in Python also a RealRobot, or a function that plays commands",
+        do="name a folder with --trial, or give `robot_door` in Python",
     )
 
 

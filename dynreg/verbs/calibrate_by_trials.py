@@ -48,27 +48,26 @@ def calibrate_by_trials(
     robot_door: str | Path | RealRobot | Played | None,
     gait: str | Path | Mapping[str, float] | None = None,
     rules: Rules | None = None,
-    robot: Any = None,
     log_map: str | Path | None = None,
     say: Callable[[str], None] = print,
 ) -> Calibration:
     """Adapt a simulator and a gait to a robot by the scores of trials on it; the answer is stored.
 
     subject : the robot, its folder or its name. robot_door : the robot as it is tried, or a folder for its trials; see
-    `Session.calibrate` for it, and for gait, rules and say. robot, log_map : refused where they mean nothing.
+    `Session.calibrate` for it, and for gait, rules and say. log_map : refused where it means nothing.
     Raises BudgetError where not even one trial may be made, NoMatchError where no gait stood, UsageError for arguments
     that do not fit, and where an interrupted run has left trials and is not resumed.
     """
     began, worked = time.perf_counter(), time.process_time()
     registry.check_writable()
-    asked = Built(registry, robot_to_try(registry, subject, settings.method, robot))
-    task = _task(asked.robot, settings)  # a mistake here makes no folder
+    asked = Built(registry, robot_to_try(registry, subject, settings.method))
+    task = _task(asked.robot, settings)  # a mistake here, or in gait and start, makes no folder
     rules = rules or Rules()
     rules = rules if settings.goal is None else replace(rules, goal=settings.goal)
-    played = door_of(robot_door, registry, asked.robot, task, settings, log_map, say, rules.goal)
-    door = ScoredRobot(asked.robot, task, played, budget=_budget(settings))
     gaits = _gaits(registry, asked.robot, task, gait)
     begin = begun_with(registry, settings.start, asked.robot)
+    played = door_of(robot_door, registry, asked.robot, task, settings, log_map, say, rules.goal)
+    door = ScoredRobot(asked.robot, task, played, budget=_budget(settings))
     journals = _journals(asked, settings, task, begin and begin.id, gaits, rules, place_of(robot_door))
     left = _left(journals, door)
     trying = Trying(door, gaits, rules, goes_on=left is not None)

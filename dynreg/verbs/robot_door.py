@@ -4,29 +4,21 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dynreg.errors import NoMatchError, RobotError, UsageError, command
+from dynreg.errors import NoMatchError, RobotError, UsageError
 from dynreg.gait.tasks import Task
 from dynreg.methods.scored import Played
 from dynreg.registry import Registry
 from dynreg.sim.real import RealRobot
 from dynreg.sim.robot import Robot, packaged_robots
-from dynreg.verbs.calibrate import TRIALS, able
+from dynreg.verbs.calibrate import TRIALS, able, no_door
 from dynreg.verbs.subjects import loaded_robot
 
 if TYPE_CHECKING:
     from dynreg.verbs.calibrate import CalibrateSettings
 
 
-def robot_to_try(registry: Registry, subject: Any, method: str, robot: Any = None) -> Robot:
-    """The robot that a method tries; UsageError where a recording or a log is given instead, or another `robot`."""
-    if robot is not None:
-        name = robot.name if isinstance(robot, Robot) else str(robot)
-        raise UsageError(
-            f"robot {name!r} with method {method!r}, which is asked about a robot alone",
-            expected=f"the robot in the recording's place: {command('calibrate', name, '--method', method)}",
-            do="leave this argument out",
-            setting="robot",
-        )
+def robot_to_try(registry: Registry, subject: Any, method: str) -> Robot:
+    """The robot that a method tries; UsageError where a recording or a log is given instead."""
     try:
         if isinstance(subject, str | Path | Robot):
             return loaded_robot(subject, registry=registry)
@@ -87,13 +79,7 @@ def door_of(
         folder.begin(settings.resume)
         return folder
     if not isinstance(door, RealRobot) and not callable(door):
-        raise UsageError(
-            f"method {method!r} without a robot to try"
-            if door is None
-            else f"a robot of type {type(door).__name__!r}",
-            expected="a folder for its trials; in Python also a RealRobot, or a function that plays commands",
-            do="name a folder with --trial, or give `robot_door` in Python",
-        )
+        raise no_door(f"a robot of type {type(door).__name__!r}")
     if log_map is not None:
         raise UsageError(
             f"log_map {str(log_map)!r} with a robot that Python plays",

@@ -1,5 +1,6 @@
 """`calibrate --method btr`: a robot in place of a recording, through a session, a folder and the command line."""
 
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -10,7 +11,7 @@ import pytest
 
 import dynreg
 from dynreg.adapt.tried import Rules
-from dynreg.errors import BudgetError, CorruptError, LogError, NoMatchError, UsageError
+from dynreg.errors import BudgetError, CorruptError, DynregError, LogError, NoMatchError, UsageError
 from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import task_of
 from dynreg.report.html import page
@@ -284,6 +285,27 @@ def test_mistakes_have_one_clear_line_each(opened: Session, brief: Robot, short_
         opened.calibrate("log", robot_door=door)
     with pytest.raises(LogError, match="has the score nan"):
         calibrated(opened, brief, lambda *_: float("nan"), seed=5)
+
+
+@pytest.mark.parametrize(
+    ("told", "says"),
+    [({}, "method 'btr' without a robot to try"), ({"robot": "diffdrive"}, "robot 'diffdrive' with method")],
+)
+def test_options_are_looked_at_before_anything_heavy_is_loaded(
+    opened: Session, monkeypatch: pytest.MonkeyPatch, told: dict, says: str
+) -> None:
+    monkeypatch.setitem(sys.modules, "dynreg.verbs.calibrate_by_trials", None)  # to import it fails
+    with pytest.raises(UsageError, match=says):
+        opened.calibrate("quadruped", method="btr", **told)
+
+
+@pytest.mark.parametrize("told", [{"gait": "nothing"}, {"start": "nothing"}, {"task": "nothing"}])
+def test_a_mistake_in_an_option_makes_no_folder(
+    opened: Session, brief: Robot, tmp_path: Path, told: dict
+) -> None:
+    with pytest.raises(DynregError, match="nothing"):
+        opened.calibrate(brief, method="btr", robot_door=tmp_path / "trials", **told)
+    assert not (tmp_path / "trials").exists()
 
 
 def test_a_tape_measure_and_a_folder_will_do(
