@@ -33,6 +33,11 @@ _PLAIN = {  # where pydantic's own words name Python classes
 
 def read_toml(path: Path, model: type[Model], error: type[DynregError]) -> Model:
     """The file at `path` as a `model`; raises `error` that names the file, the line and the key."""
+    return parse_toml(read_text(path, error), path.name, model, error)
+
+
+def read_text(path: Path, error: type[DynregError]) -> str:
+    """The text of the TOML file at `path`; raises `error` where it cannot be read, as `toml_text` does."""
     try:
         with path.open("rb") as file:
             data = file.read(limits().toml_bytes + 1)
@@ -42,7 +47,7 @@ def read_toml(path: Path, model: type[Model], error: type[DynregError]) -> Model
             expected="a readable TOML file in UTF-8",
             do="check the path and its permissions",
         ) from None
-    return parse_toml(toml_text(data, str(path), error), path.name, model, error)
+    return toml_text(data, str(path), error)
 
 
 def toml_text(data: bytes, name: str, error: type[DynregError]) -> str:

@@ -1,19 +1,19 @@
 """The plan of a staged calibration: which parameters each stage fits, to which recordings, and by which loss."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from pydantic import Field, field_validator
+from pydantic import Field, PrivateAttr, field_validator
 
 from dynreg.errors import UsageError
 from dynreg.search.strategy import CARRIED, STEP
 from dynreg.search.table import SEARCHES
 from dynreg.sim.table import Table
-from dynreg.tomlfile import read_toml
+from dynreg.tomlfile import line_of, parse_toml, read_text
 
 
 class StageTable(Table):
@@ -63,6 +63,13 @@ class StageTable(Table):
         description="First step of a parameter that an earlier stage has fitted, of its range (`es`).",
     )
 
+    _lines: Mapping[str, int] = PrivateAttr(default_factory=dict)  # of its keys, and
+    _file: str = PrivateAttr("")  # of which file; "" where it was made otherwise
+
+    def place(self, *keys: str) -> str:
+        """What an error begins with: the file, and the line of the last of these keys; "" without a file."""
+        return f"{self._file}, line {max(self._lines[key] for key in keys)}: " if self._lines else ""
+
     @field_validator("search", mode="before")
     @classmethod
     def _as_a_method(cls, given: object) -> object:
@@ -87,24 +94,30 @@ class Stage:
 
 def read_plan(path: Path) -> tuple[StageTable, ...]:
     """The stages of a file. Raises UsageError that names the line, and where two stages have one name or one search."""
-    stages = tuple(read_toml(path, PlanFile, UsageError).stages)
+    text = read_text(path, UsageError)
+    stages = tuple(parse_toml(text, path.name, PlanFile, UsageError).stages)
     for i, stage in enumerate(stages):
+        stage._file = path.name
+        stage._lines = {key: line_of(text, ("stages", i, key)) for key in StageTable.model_fields}
         if stage.search not in SEARCHES:
             raise UsageError(
-                f"stage {stage.name!r}: search {stage.search!r}",
+                f"{stage.place('search')}stage {stage.name!r}: search {stage.search!r}",
                 expected=f"one of {', '.join(SEARCHES)}",
                 do=f"correct it in {path.name}",
             )
         if stage.search == "es" and not stage.rho <= stage.mu < stage.children:
             raise UsageError(
-                f"stage {stage.name!r}: rho {stage.rho}, mu {stage.mu}, children {stage.children}",
+                f"{stage.place('rho', 'mu', 'children')}stage {stage.name!r}: rho {stage.rho}, mu {stage.mu}, "
+                f"children {stage.children}",
                 expected="rho <= mu < children",
                 do=f"correct them in {path.name}",
             )
         for other in stages[:i]:
             if stage.name == other.name:
                 raise UsageError(
-                    f"two stages are called {stage.name!r}", expected="a name for each", do="rename one"
+                    f"{stage.place('name')}two stages are called {stage.name!r}",
+                    expected="a name for each",
+                    do="rename one",
                 )
     return stages
 
@@ -131,17 +144,18 @@ def resolved(
         windows = np.array([w for w in chosen if w in near], dtype=int)
         if not len(windows):
             raise UsageError(
-                f"stage {table.name!r}: all of {table.recordings} is held out",
+                f"{table.place('recordings')}stage {table.name!r}: all of {table.recordings} is held out",
                 expected="recordings of which some is left to fit",
                 do="hold out less, or name others",
             )
         stage = Stage(table, free, windows)
         for other in out:
             twice = np.intersect1d(free, other.parameters)
-            if len(twice) and other.table.loss == table.loss and len(np.intersect1d(windows, other.windows)):
+            shared = np.intersect1d(windows, other.windows)
+            if len(twice) and other.table.loss == table.loss and len(shared):
                 raise UsageError(
-                    f"stages {other.table.name!r} and {table.name!r} overlap: both fit {names[twice[0]]!r} to "
-                    f"{episodes[np.intersect1d(windows, other.windows)[0]]!r} by {table.loss!r}",
+                    f"{table.place('parameters')}stages {other.table.name!r} and {table.name!r} overlap: "
+                    f"both fit {names[twice[0]]!r} to {episodes[shared[0]]!r} by {table.loss!r}",
                     expected="another loss, other recordings or other parameters in each",
                     do="join the two stages, or change one",
                 )
@@ -160,7 +174,7 @@ def _matching(stage: StageTable, what: str, patterns: Sequence[str], names: Sequ
         ]
         if not hits:
             raise UsageError(
-                f"stage {stage.name!r}: {what} has {pattern!r}, which matches nothing",
+                f"{stage.place(what)}stage {stage.name!r}: {what} has {pattern!r}, which matches nothing",
                 expected=f"some of {', '.join(dict.fromkeys(names))}",
                 do="correct it",
             )

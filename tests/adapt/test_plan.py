@@ -65,8 +65,11 @@ def test_a_stage_whose_recordings_are_all_held_out_is_refused() -> None:
     ("text", "says"),
     [
         ('name = "a"\nparameters = ["x"]\nloss = "guess"', "line 4.*loss"),
-        ('name = "a"\nparameters = ["x"]\nsearch = "ants"', "'ants'"),
-        ('name = "a"\nparameters = ["x"]\nmu = 30', "mu 30, children 25"),
+        ('name = "a"\nparameters = ["x"]\nsearch = "ants"', "plan.toml, line 4: stage 'a': search 'ants'"),
+        (
+            'name = "a"\nparameters = ["x"]\nmu = 30',
+            "plan.toml, line 4: stage 'a': rho 2, mu 30, children 25",
+        ),
         ('name = "a"\nparameters = []', "parameters"),
         ('name = "a"', "parameters"),
     ],
@@ -77,5 +80,25 @@ def test_a_file_that_is_no_plan_says_why(tmp_path: Path, text: str, says: str) -
 
 
 def test_two_stages_of_one_name_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="two stages are called 'a'"):
+    with pytest.raises(UsageError, match="plan.toml, line 5: two stages are called 'a'"):
         read(tmp_path, *['name = "a"\nparameters = ["x"]'] * 2)
+
+
+@pytest.mark.parametrize(
+    ("stages", "says"),
+    [
+        (['name = "a"\nparameters = ["mass"]'], "plan.toml, line 3: stage 'a': parameters has 'mass'"),
+        (
+            ['name = "a"\nparameters = ["*"]\nrecordings = ["kick"]'],
+            "plan.toml, line 4: .* recordings has 'kick'",
+        ),
+        (
+            [f'name = "{name}"\nparameters = ["*"]' for name in "ab"],
+            "plan.toml, line 6: .*'a' and 'b' overlap",
+        ),
+        (['name = "a"\nrecordings = ["walk"]\nparameters = ["*"]'], "plan.toml, line 3: .* is held out"),
+    ],
+)
+def test_a_file_that_does_not_fit_says_in_which_line(tmp_path: Path, stages: list[str], says: str) -> None:
+    with pytest.raises(UsageError, match=says):
+        resolved(read(tmp_path, *stages), NAMES, NONE, EPISODES, np.array([0, 1]))
