@@ -18,6 +18,9 @@ def list_(
 ) -> None:
     """List what the registry holds.
 
+    Recordings and results stand in the order in which they came, the newest last. Others are sorted by name, robots
+    then by version.
+
     Example: dynreg list --kind recording
     """
     Option("A kind.", choices=KINDS).check("--kind", kind)

@@ -1,6 +1,7 @@
 """What a registry holds."""
 
 from collections.abc import Iterator, Mapping
+from operator import itemgetter
 from typing import Any
 
 from dynreg.errors import UsageError
@@ -15,7 +16,10 @@ TELLING = ("on", "method", "task", "verdict", "test_error")
 
 
 def listing(registry: Registry, kind: str | None = None) -> Listing:
-    """All populations, recordings, their entries, simulators, results and robots, or those of one kind."""
+    """All populations, recordings, their entries, simulators, results and robots, or those of one kind.
+
+    In this order of kinds; recordings and results of a kind as they came, the newest last, others by name.
+    """
     if kind is not None and kind not in KINDS:
         raise UsageError(f"kind {kind!r}", expected=f"one of {list(KINDS)}", do="choose one of them")
     items = [
@@ -58,13 +62,18 @@ def _recordings(registry: Registry) -> Iterator[Row]:
 def _measured(registry: Registry) -> Iterator[Row]:
     """The entries of recordings: the models that were trained on them."""
     for r in registry.populations():
-        for recording, entry in registry.measured_in(r.id).items():
-            yield entry, registry.recording_info(recording).name, r.name, {"population": r.id[:12]}
+        entries = registry.measured_in(r.id)
+        names = {entry: registry.recording_info(recording).name for recording, entry in entries.items()}
+        for entry, name in sorted(names.items(), key=itemgetter(1, 0)):
+            yield entry, name, r.name, {"population": r.id[:12]}
 
 
 def _simulators(registry: Registry) -> Iterator[Row]:
     configs = [(i, registry.simulator(i)) for i in registry.ids("simulator")]
-    return ((i, simulator_name(i, c), c.get("robot_name", ""), {}) for i, c in configs)
+    rows = ((i, simulator_name(i, c), c.get("robot_name", ""), {}) for i, c in configs)
+    return iter(
+        sorted(rows, key=itemgetter(1, 0))
+    )  # a name begins with the robot's and tells how it was made
 
 
 def _results(registry: Registry) -> Iterator[Row]:

@@ -1,0 +1,31 @@
+"""What a registry holds is listed in a stated order: as it came, or by name."""
+
+from registry_contents import POPULATION, ROBOT, fill, make_measured, make_recording
+
+from dynreg.registry import Registry
+from dynreg.verbs.list import KINDS, listing
+
+
+def names(registry: Registry, kind: str) -> list[str]:
+    return [item.name for item in listing(registry, kind).items]
+
+
+def test_recordings_and_results_stand_as_they_came_and_others_by_name(path, robot) -> None:
+    with Registry.open(path, create=True) as registry:
+        fill(registry, robot)
+        for seed, name in enumerate("cabd"):
+            registry.put_recording(make_recording(seed), ROBOT, name)
+            registry.put_measured(make_measured(make_recording(seed).id))
+            registry.put_result("neighbours" if name in "ad" else "diagnosis", name, {"k": seed})
+        for number in range(12):
+            kind = "nominal" if number % 3 else "synthesised"
+            told = {"robot_name": "leg" if number % 2 else "arm", "values": {"mass": float(number)}}
+            registry.put_simulator(told | {"lineage": {"made_by": "query", "kind": kind}})
+        assert names(registry, "recording") == ["c", "a", "b", "d"]
+        assert names(registry, "result") == ["diagnosis", "neighbours", "diagnosis", "neighbours"]
+        assert names(registry, "measured") == ["a", "b", "c", "d"]
+        simulators = names(registry, "simulator")
+        assert simulators == sorted(simulators) and len(simulators) == 12
+        assert simulators[0].startswith("arm nominal") and simulators[-1].startswith("leg synthesised")
+        kinds = [item.kind for item in listing(registry).items]
+        assert kinds == sorted(kinds, key=KINDS.index) and listing(registry).items[0].id == POPULATION
