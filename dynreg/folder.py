@@ -36,6 +36,12 @@ class Folder:
             digest.update(name.encode() + b"\0" + data + b"\0")
         return digest.hexdigest()
 
+    def write(self, path: Path) -> None:
+        """Write the files below `path`; folders are made where they are missing."""
+        for name, data in self.files.items():
+            (path / name).parent.mkdir(parents=True, exist_ok=True)
+            (path / name).write_bytes(data)
+
 
 def is_hashed(name: str) -> bool:
     """Whether a robot's hash covers the file with this path below its folder.

@@ -48,6 +48,7 @@ VERBS = (
     "robots_init",
     "robots_list",
     "robots_check",
+    "robots_copy",
     "drift",
     "navigate",
     "verify",

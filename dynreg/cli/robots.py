@@ -1,4 +1,4 @@
-"""`dynreg robots`: the packaged robots, the check of a robot folder, and a folder drafted from a model."""
+"""`dynreg robots`: the packaged robots, the check of a robot folder, a copy of one, a folder drafted from a model."""
 
 from pathlib import Path
 from typing import Annotated
@@ -18,6 +18,7 @@ from dynreg.cli.call import (
 )
 from dynreg.cli.completion import robot_names
 from dynreg.cli.help import GroupHelp
+from dynreg.cli.options import RobotFolder
 from dynreg.errors import command
 from dynreg.verbs.robot_draft import RobotDraftSettings
 
@@ -28,6 +29,7 @@ def register(app: typer.Typer, panel: str) -> None:
     app.add_typer(group, name="robots", rich_help_panel=panel)
     verb(group, "list")(list_robots)
     verb(group, "check")(check)
+    verb(group, "copy")(copy)
     verb(group, "init")(init)
     group.callback(invoke_without_command=True)(_default)
 
@@ -40,7 +42,7 @@ def _default(
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """List robots; draft or check a folder of your own.
+    """List robots; draft, copy or check a folder of your own.
 
     Example: dynreg robots check my_arm/
     """
@@ -85,6 +87,23 @@ def _use(folder: str) -> str:
     """What to do with a sound robot: with one of a user's own, to bring in a log."""
     own = Path(folder).is_dir()
     return command("ingest", "LOG", "--robot", folder) if own else command("populate", folder, "-n", 1000)
+
+
+def copy(
+    call: Call,
+    robot: RobotFolder,
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="New folder; the robot gets its name.")],
+) -> None:
+    """Copy a robot to a new folder, to change it.
+
+    The copy is checked as by `robots check`.
+
+    Example: dynreg robots copy servo_pendulum my_servo
+    """
+    from dynreg.verbs.robots import robot_copy
+
+    result = robot_copy(robot, folder)
+    call.emit(result, hint=_use(str(folder)) if result.sound else None)
 
 
 def init(

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from dynreg.draft.stated import Stated
+from dynreg.folder import Folder
 from dynreg.sim.robot import Robot
 
 DriveKind = Literal["position", "torque", "velocity"]
@@ -58,9 +59,7 @@ class Drafted:
 
 def write_draft(made: Drafted, folder: Path) -> None:
     """Write the files of a draft into a folder, which is made."""
-    for path, data in made.files.items():
-        (folder / path).parent.mkdir(parents=True, exist_ok=True)
-        (folder / path).write_bytes(data)
+    Folder(made.files).write(folder)
 
 
 @dataclass

@@ -67,9 +67,7 @@ def export_robot(robot: Robot, config: SimConfig, destination: Path) -> Exported
 def _write(
     robot: Robot, config: SimConfig, values: np.ndarray, terms: Terms, folder: Path
 ) -> tuple[tuple[Written, ...], str | None]:
-    for name, data in robot.files.files.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(data)
+    robot.files.write(folder)
     problem = None
     try:
         write_mjcf(robot, values, terms, (folder / robot.file.robot.model).with_name(plain_name(robot)))

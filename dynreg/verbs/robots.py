@@ -1,15 +1,18 @@
-"""The robots that come along, and the check of a robot folder."""
+"""The robots that come along, a copy of one to change, and the check of a robot folder."""
 
+import re
 from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 
-from dynreg.errors import DynregError, RobotError
-from dynreg.folder import TOML
+from dynreg.errors import DynregError, RobotError, UsageError
+from dynreg.folder import TOML, Folder
 from dynreg.results.robots import RobotCheck, RobotLine, RobotList
 from dynreg.sim.finding import Finding, in_one_order
 from dynreg.sim.inspection import inspect_robot
 from dynreg.sim.robot import Robot, load_robot, packaged_robots
-from dynreg.tomlfile import Location, line_of, toml_text
+from dynreg.tomlfile import Location, line_of, literal, toml_text
+from dynreg.verbs.written import new_folder
 
 
 def robot_list() -> RobotList:
@@ -27,6 +30,34 @@ def robot_check(folder: str) -> RobotCheck:
         found = in_one_order([*found, *_gait_findings(load_robot(folder))])
     told = {kind: tuple(str(one) for one in found if one.severity == kind) for kind in ("error", "warning")}
     return RobotCheck(robot=folder, sound=not told["error"], problems=told["error"], warnings=told["warning"])
+
+
+def robot_copy(source: str, folder: Path) -> RobotCheck:
+    """Copy a packaged robot, or a robot folder, to a new folder whose name the robot gets; the check of the copy.
+
+    Raises RobotError where `source` is no robot, UsageError where the folder's name is taken or none for a robot, or
+    the folder cannot be written. Nothing is left then.
+    """
+    robot, name = load_robot(source), folder.absolute().name
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_\-]{0,99}", name) or name in packaged_robots():
+        raise UsageError(
+            f"robot name {name!r}, by the folder's",
+            expected="a letter, then letters, digits, - and _; no name of a robot that comes with dynreg",
+            do="give the folder another name",
+        )
+    files = robot.files.files
+    lines = toml_text(files[TOML], TOML, RobotError).splitlines(keepends=True)
+    at = line_of("".join(lines), ("robot", "name")) - 1
+    lines[at] = lines[at].replace(literal(robot.name), literal(name), 1)
+    with new_folder(folder) as hidden:
+        Folder({**files, TOML: "".join(lines).encode()}).write(hidden)
+        if load_robot(hidden).name != name:
+            raise RobotError(
+                f"the name of robot {robot.name!r} cannot be replaced in its {TOML}",
+                expected=f"the line `name = {literal(robot.name)}` under [robot]",
+                do="write it so",
+            )
+    return robot_check(str(folder))
 
 
 def _gait_findings(robot: Robot) -> Iterator[Finding]:
