@@ -19,8 +19,8 @@ from dynreg.models.threads import single_threaded
 from dynreg.rng import stream
 
 HUBS, LIKE, RANDOM = 32, 16, 16  # entries that are judged first: hubs, the nearest by embedding, any
-HUBBINESS = 3.0  # how much the length of an entry's links counts beside its own loss and its whole embedding
-TOLD = 3.0  # how far an entry is that is farther, where others are foreseen
+HUB_WEIGHT = 3.0  # how much the length of an entry's links counts beside its own loss and its whole embedding
+CLIPPED = 3.0  # distance at which those of judged entries are clipped before others are foreseen
 
 
 def effort(entries: int) -> Effort:
@@ -97,7 +97,7 @@ def _sought(asked: DistanceQuery, to: To, own: np.ndarray) -> Ranked:
 
     def missed(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         far = to(allowed[at])
-        return np.minimum(far, TOLD)[:, None].astype(np.float32), far
+        return np.minimum(far, CLIPPED)[:, None].astype(np.float32), far
 
     found = seek(
         places(vectors, own[allowed], hub),
@@ -113,7 +113,7 @@ def places(vectors: np.ndarray, own: np.ndarray, hub: np.ndarray) -> np.ndarray:
     """(M, D' + 2) what a search knows of entries: embeddings (M, D'), own losses (M,) and lengths of links (M,)."""
     sound = np.isfinite(vectors).all(axis=1)  # a model that predicts no number must not hide the others
     spread = np.sqrt(vectors[sound].var(axis=0).sum()) + 1e-9
-    return np.column_stack([vectors / spread, own, HUBBINESS * hub])
+    return np.column_stack([vectors / spread, own, HUB_WEIGHT * hub])
 
 
 def link_lengths(graph: Graph) -> np.ndarray:
