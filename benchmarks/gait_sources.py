@@ -2,10 +2,8 @@
 
 `nearest` : the query's k nearest. `noisy` : these with the motor noise that its answer tells from the log, in place of
 their own. `synthesised` : its one answer. `pulled` : this and neighbours, each moved most of the way to it.
-`posterior` : this and draws of the parameters that the log told, from their joint posterior; those that it could not
-tell stay where they are, so the draws are from the posterior that holds given these. On quadrupeds the query's own
-posterior mostly tells nothing: where feet slip, slopes of both sides agree in no window. Then the draws are by the
-linear model that is regressed on the query's replays. `hand` : see `hand_tuned`.
+`posterior` : this and draws that the log does not tell from it (`neighbours.draws`), other ones for each search.
+`hand` : see `hand_tuned`.
 """
 
 from collections.abc import Callable, Mapping
@@ -20,20 +18,16 @@ from walkers import RATE, Walker, excited, named, stood_and_trotted
 import dynreg
 from dynreg.distance.table import AUTO
 from dynreg.errors import DynregError
-from dynreg.evidence.gaussian import Gaussian
 from dynreg.gait.trials import Simulators
-from dynreg.neighbours.intervals import Evidence, estimates
-from dynreg.neighbours.query import Case, Choice, case_of, choose, distance_query
+from dynreg.neighbours.draws import drawn
+from dynreg.neighbours.query import case_of, choose, distance_query
 from dynreg.neighbours.retrieve import retrieve
 from dynreg.neighbours.spending import Spending, usual_budget
-from dynreg.neighbours.synthesise import linearise
-from dynreg.replay.samples import samples_in_all
-from dynreg.results.posterior import Posterior
+from dynreg.replay.windows import errors
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.effects import Terms, term
-from dynreg.sim.space import ParameterSpace
+from dynreg.verbs.gait import MANY
 from dynreg.verbs.populations import load_population
-from dynreg.verbs.posteriors import posterior_of, posterior_told
 
 QUERIED = ("nearest", "hill", "synthesised", "pulled", "noisy", "posterior")
 LOGS = {
@@ -43,6 +37,7 @@ LOGS = {
 }
 """{source: the step that it needs}."""
 POPULATION = 50
+SEARCHES = 2  # in draws of their own
 
 
 def logged(job: Job, walker: Walker, journal: Cells, sources: tuple[str, ...]) -> dict[str, dict]:
@@ -50,8 +45,7 @@ def logged(job: Job, walker: Walker, journal: Cells, sources: tuple[str, ...]) -
     done = {step: found for (robot, step), found in journal.steps().items() if robot == walker.name}
     for source in sources:
         step = LOGS.get(source)
-        lacks = source == "posterior" and source not in done.get(step, {})  # as journals once were
-        if step and (step not in done or lacks):
+        if step and step not in done:
             done[step] = journal.timed(walker.name, step, partial(_MAKERS[step], job, walker))
     return done
 
@@ -72,30 +66,21 @@ def _queried(job: Job, walker: Walker) -> dict:
     found = sorted((i for i, c in enumerate(kinds) if c.entry is not None), key=lambda i: score[i])
     nearest = population.entries.values[[kinds[i].entry for i in found[:K]]]
     pulled = space.from_unit(space.to_unit(told) + PULLED * (space.to_unit(nearest) - space.to_unit(told)))
+    posterior = [
+        drawn(case, chosen, MANY, stream_seed(walker.seed, "draws", i) % 2**31) for i in range(SEARCHES)
+    ]
+    both = np.stack([told, walker.parameters])
+    answers, truths = errors(case.replayer.residuals(both, case.data.parts.chosen)).mean(axis=1)
     return {
         "spent": asdict(spent),
+        "truth": float(truths / answers),
         "fits": chosen.judgement.fits,
         "kind": kinds[chosen.answer].kind,
         "nearest": nearest.tolist(),
         "synthesised": [told.tolist()],
         "pulled": [told.tolist(), *pulled[: K - 1].tolist()],
-        "posterior": _posterior(case, chosen),
+        "posterior": [values.tolist() for values in posterior],
     }
-
-
-def _posterior(case: Case, chosen: Choice) -> dict | None:
-    """The simulator that the query made, and a posterior about it; None where it made none.
-
-    Where the query's own tells nothing, that of the linear model that is regressed on its replays.
-    """
-    if chosen.made is None:
-        return None
-    by, found, replays = "query", chosen.posterior, chosen.replays
-    unit, values_of = replays.unit[chosen.made], case.data.values_of
-    if len(found.untold) == len(found.names):
-        evidence = Evidence(samples_in_all(replays.residuals[int(replays.score.argmin())]))
-        by, (_, found) = "regression", estimates(replays, linearise(replays), unit, evidence, values_of)
-    return {"made": values_of(unit).tolist(), "by": by, "told": posterior_told(found).model_dump(mode="json")}
 
 
 def _diagnosed(job: Job, walker: Walker) -> dict:
@@ -148,7 +133,7 @@ def simulators(job: Job, walker: Walker, source: str, step: dict | None, number:
             entries = reg.registry.load(job.population, ()).values
         values = entries[stream(walker.seed, "random").choice(len(entries), K, replace=False)]
     elif source == "posterior":
-        values = drawn(space, step, K - 1, stream(walker.seed, "posterior", number))
+        values = step["posterior"][number]
     else:
         values = np.array(step["nearest" if source in ("hill", "noisy") else source])
         if source == "noisy":
@@ -159,29 +144,3 @@ def simulators(job: Job, walker: Walker, source: str, step: dict | None, number:
     values = np.array(values, dtype=float)
     values[:, rate] = RATE
     return Simulators(values, terms)
-
-
-def drawn(space: ParameterSpace, step: dict, many: int, rng: np.random.Generator) -> np.ndarray:
-    """(1 + many, P) the query's answer, and draws about what it made; the answer alone where it told nothing."""
-    answer = np.array(step["synthesised"], dtype=float)
-    if step["posterior"] is None:
-        return answer
-    found = posterior_of(Posterior.model_validate(step["posterior"]["told"]))
-    told = ~np.isin(found.names, found.untold)
-    if not told.any():
-        return answer
-    coordinates = np.tile(found.centre, (many, 1))
-    coordinates[:, told] = rng.multivariate_normal(
-        found.centre[told], given_others(found, told), many, check_valid="ignore", method="eigh"
-    )
-    values = np.tile(step["posterior"]["made"], (many, 1))
-    at = [space.names.index(name) for name, sure in zip(found.names, told, strict=True) if sure]
-    values[:, at] = found.values(coordinates)[:, told]
-    return np.concatenate([answer, values])
-
-
-def given_others(found: Gaussian, told: np.ndarray) -> np.ndarray:
-    """(D', D') covariance of quantities `told` (D,) where the others are given (Schur complement), in coordinates."""
-    covariance = found.correlations * np.outer(found.deviations, found.deviations)
-    mine, cross, others = (covariance[np.ix_(a, b)] for a, b in ((told, told), (told, ~told), (~told, ~told)))
-    return mine - cross @ np.linalg.pinv(others, hermitian=True) @ cross.T

@@ -18,7 +18,6 @@ STEP = 0.05  # of the ranges, 1 sigma, at first
 # (RMS over the parameters); with 0.03, a search went beyond what the robot could still walk.
 DOUBT = 0.1
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the way from the gait to what the search found
-TURNS = 1_000  # draws from here on are those of the search
 
 
 def may_stay(method: str) -> bool:
@@ -29,9 +28,8 @@ def may_stay(method: str) -> bool:
 def seek_near(trials: Trials, settings: SearchSettings, **followed: Unpack[Followed]) -> Sought:
     """The gait between the first of `settings.tried` and what a search about it finds; the same each time.
 
-    Each batch runs in one of the simulators, which take turns, with parameters moved by `DOUBT` and noise of its own
-    (domain randomisation: Tobin et al., arXiv 1703.06907). So a gait costs one rollout, however many simulators there
-    are, and the search finds which way gaits get better in all. How far to go, `farthest` says.
+    Each batch runs in one of the simulators, which take turns, with parameters moved by `DOUBT`. So the search finds
+    which way gaits get better in all. How far to go, `farthest` says.
     """
     space, k, kind = trials.space, len(trials.simulators), SEARCHES[settings.method]
     draws = int(settings.again * settings.rollouts) // (len(SHARES) * k)
@@ -39,23 +37,22 @@ def seek_near(trials: Trials, settings: SearchSettings, **followed: Unpack[Follo
     begin = space.to_unit(np.array(settings.tried[:1]))[0]
     rng, steps = stream(settings.seed, "gait near", settings.method), np.full(len(space), STEP)
     search = kind.begin(Start(len(space), rng, kind.batch, begin, space.periodic, steps))
-    begun, stood = 0, np.zeros(k, dtype=bool)
+    begun, ran, stood = 0, np.zeros(k, dtype=bool), np.zeros(k, dtype=bool)
 
     def graded(unit: np.ndarray) -> np.ndarray:
-        return trials.again(
-            space.feasible(space.from_unit(unit)), 1, first=TURNS + begun, doubt=DOUBT, only=begun % k
-        )[:, 0]
+        return trials.in_turn(space.feasible(space.from_unit(unit)), begun, 1, DOUBT)
 
     def watched(grades: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         nonlocal begun
-        stood[begun % k] |= not fell(grades).all()
+        met = trials.turn(begun, 1)
+        ran[met], stood[met] = True, stood[met] | ~fell(grades).all()
         begun += 1
         return fitness(grades)[:, 0], -grades[:, 0]
 
     limits = Limits(evaluations, settings.patience)
     found = driven(search, graded, watched, limits, **followed)
     best, finals = farthest(trials, settings.accept, between(begin, search.middle, space.periodic), draws)
-    return answer(trials, best, found, finals, ~stood & (np.arange(k) < begun))
+    return answer(trials, best, found, finals, ran & ~stood)
 
 
 def between(begin: np.ndarray, end: np.ndarray, periodic: np.ndarray) -> np.ndarray:

@@ -43,6 +43,8 @@ class SearchSettings:
     packaged : whether the gaits that the robot's folder brings are tried first. tried : genes (n, G) of gaits that the
     robot has had, which are tried before these.
     near : whether the search stays near the first of these; see `near.seek_near`.
+    meets : simulators that a batch of gaits meets, of all in turn (`Trials.in_turn`), where the search learns from each
+    batch alone; None for all. doubt : of the ranges, 1 sigma, by which parameters move then, and in the finals.
     again : share of the rollouts in which the best gaits are tried once more, with other motor noise and parameters a
     little off: of many gaits the best is also the one that was luckiest with those of the search.
     """
@@ -56,6 +58,8 @@ class SearchSettings:
     packaged: bool = True
     tried: tuple[tuple[float, ...], ...] = ()
     near: bool = False
+    meets: int | None = None
+    doubt: float = DOUBT
 
     def __post_init__(self):
         for name, value, choices in (
@@ -77,14 +81,26 @@ class SearchSettings:
             return ()
         return tuple((gaits >> r, draws << r) for r in range(ROUNDS) if gaits >> r > 1)
 
+    def draws_anew(self, k: int) -> bool:
+        """Whether every batch meets other noise than the one before.
+
+        Who learns from one batch alone lives with that, and finds what walks whatever the noise. Climbers compare
+        candidates of different batches; so does who ends a search early.
+        """
+        return bool(self.finals(k)) and SEARCHES[self.method].by_order and self.patience is None
+
+    def met(self, k: int) -> int:
+        """Simulators that a batch of gaits meets, of k."""
+        return min(self.meets, k) if self.meets and self.draws_anew(k) else k
+
     def evaluations(self, k: int) -> int:
         """Gaits of the search alone in k simulators; UsageError where the rollouts do not suffice for one batch."""
-        batch = SEARCHES[self.method].batch
-        left = self.rollouts // k - sum(gaits * draws for gaits, draws in self.finals(k))
+        batch, met = SEARCHES[self.method].batch, self.met(k)
+        left = (self.rollouts - sum(gaits * draws * k for gaits, draws in self.finals(k))) // met
         if left < batch:
             raise UsageError(
-                f"{self.rollouts} rollouts in {k} simulator{'s' if k > 1 else ''}",
-                expected=f"at least {batch * k}: {batch} gaits at a time in each",
+                f"{self.rollouts} rollouts in {met} simulator{'s' if met > 1 else ''}",
+                expected=f"at least {batch * met}: {batch} gaits at a time in each",
                 do="raise --rollouts or lower -k",
             )
         return left
@@ -169,6 +185,7 @@ def seek(trials: Trials, settings: SearchSettings, **followed: Unpack[Followed])
     Raises UsageError where the rollouts do not suffice for one batch of candidates.
     """
     space, k = trials.space, len(trials.simulators)
+    met = settings.met(k)
     finals, evaluations = settings.finals(k), settings.evaluations(k)
     kind = SEARCHES[settings.method]
     search = Seen(search_of(trials, settings, evaluations))
@@ -176,17 +193,21 @@ def seek(trials: Trials, settings: SearchSettings, **followed: Unpack[Followed])
     accepted, helpless = ACCEPT[settings.accept], np.ones(k, dtype=bool)
 
     def watched(grades: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        helpless[:] &= fallen(grades).all(axis=0)
+        mine = trials.turn(search.asks - 1, met) if met < k else slice(None)
+        helpless[mine] &= fallen(grades).all(axis=0)
         values = accepted(fitness(grades))
         # some rank their candidates, the fallen ones too; the hill climber is the paper's
         return values, -accepted(grades) if kind.by_order else -values
 
-    # who learns from one batch alone lives with noise that is another for every batch, and finds what walks whatever
-    # the noise. Climbers compare candidates of different batches; so does who ends a search early
-    draws_anew = bool(finals) and kind.by_order and settings.patience is None
+    def graded(unit: np.ndarray) -> np.ndarray:
+        batch = search.asks - 1 if settings.draws_anew(k) else 0
+        if met < k:
+            return trials.in_turn(gaits(unit), batch, met, settings.doubt)
+        return trials.grades(gaits(unit), draw=batch)
+
     found = driven(
         search,
-        lambda unit: trials.grades(gaits(unit), draw=search.asks - 1 if draws_anew else 0),
+        graded,
         watched,
         Limits(evaluations, settings.patience),
         **followed,
@@ -213,30 +234,30 @@ def answer(
     )
 
 
-def expected(trials: Trials, genes: np.ndarray) -> np.ndarray:
+def expected(trials: Trials, genes: np.ndarray, doubt: float = DOUBT) -> np.ndarray:
     """(n,) grades of a gait (G,) in all simulators, under motor noise and parameters that no choice has seen."""
     draws = -(-EXPECTED // len(trials.simulators))
-    return trials.again(genes[None], draws, first=UNSEEN, doubt=DOUBT).ravel()
+    return trials.again(genes[None], draws, first=UNSEEN, doubt=doubt).ravel()
 
 
 def best_again(
     trials: Trials, settings: SearchSettings, finalists: np.ndarray, rounds: tuple[tuple[int, int], ...]
 ) -> tuple[np.ndarray, Finals]:
-    """The best (P,) of the finalists (n, P), and what it did: where the minimum counts, the one that falls least often.
+    """The best (P,) of the finalists (n, P), and what it did: the one that falls least often.
 
-    Of those that fall alike, and for other ways to accept of all, the one with the highest value: accepted over the
-    simulators of the mean over draws. What does not reach the task's `success` comes after all that do.
+    Of those that fall alike, the one with the highest value: accepted over the simulators of the mean over draws. What
+    does not reach the task's `success` comes after all that do.
     """
     space, seen = trials.space, np.empty((len(finalists), 0, len(trials.simulators)))
     for gaits, draws in rounds:
         finalists, seen = finalists[:gaits], seen[:gaits]
         genes = space.feasible(space.from_unit(finalists))
-        new = trials.again(genes, draws, first=seen.shape[1], doubt=DOUBT)
+        new = trials.again(genes, draws, first=seen.shape[1], doubt=settings.doubt)
         seen = np.concatenate([seen, new], axis=1)
         values = ACCEPT[settings.accept](fitness(seen).mean(axis=1))
         falls = fallen(seen).sum(axis=(1, 2))
         short = values < trials.task.success
-        order = np.lexsort((-values, falls, short) if settings.accept == "min" else (-values,))
+        order = np.lexsort((-values, falls, short))
         finalists, seen, values, falls = finalists[order], seen[order], values[order], falls[order]
     return finalists[0], Finals(seen[0].size, int(falls[0]), float(values[0]))
 

@@ -21,6 +21,7 @@ from dynreg.sim.run import Run, Walk, motor_noise
 if TYPE_CHECKING:
     from mujoco import MjModel
 
+TURNS = 1_000  # draws from here on are those of simulators that take turns
 LEAST_RATE = 4.0  # commands in a period of the fastest gait, below which what is told is not the gait
 
 
@@ -34,9 +35,9 @@ class Simulators:
     def __len__(self) -> int:
         return len(self.values)
 
-    def alone(self, number: int) -> "Simulators":
-        """One of them."""
-        return Simulators(self.values[[number]], self.terms and self.terms.take([number]))
+    def take(self, numbers: Sequence[int]) -> "Simulators":
+        """Some of them."""
+        return Simulators(self.values[list(numbers)], self.terms and self.terms.take(list(numbers)))
 
 
 def simulators_of(robot: Robot, configs: Sequence[SimConfig], known: np.ndarray | None = None) -> Simulators:
@@ -109,21 +110,23 @@ class Trials:
         *,
         first: int = 0,
         doubt: float = 0.0,
-        only: int | None = None,
+        only: Sequence[int] | None = None,
     ) -> np.ndarray:
         """(n, draws, k) grades of gaits (n, G) with other draws of every simulator's motor noise.
 
         first : draws with lower numbers were seen before. doubt : 1 sigma, as a share of the ranges, by which every
-        draw moves the parameters that the lab does not know, too. only : the number of one simulator, and k is 1;
-        by default in all of them.
+        draw moves the parameters that the lab does not know, too. only : numbers of the k simulators in which they run;
+        by default in all.
         """
-        simulators = self.simulators if only is None else self.simulators.alone(only)
+        only = range(len(self.simulators)) if only is None else only
+        simulators = self.simulators.take(only)
         k, space = len(simulators), self.robot.space
         terms = simulators.terms and simulators.terms.tiled(draws)
         values = np.tile(simulators.values, (draws, 1))
         seeds = [stream_seed(self._seed, "again", first + d) % 2**62 for d in range(draws)]
         if doubt:
-            moves = [stream(s, "doubt").standard_normal((k, len(space))) for s in seeds]
+            all_of_them = (len(self.simulators), len(space))  # one does what it does beside others
+            moves = [stream(s, "doubt").standard_normal(all_of_them)[list(only)] for s in seeds]
             unit = space.to_unit(values)
             # what lies outside the ranges is there on purpose, and must not be drawn into them
             stays = np.array([p.known for p in space.parameters]) | (unit < 0.0) | (unit > 1.0)
@@ -134,18 +137,37 @@ class Trials:
             Simulators(values, terms),
             rate=self.rate,
             threads=self._threads,
-            noise=np.concatenate([self._drawn(s)[slice(None) if only is None else [only]] for s in seeds]),
+            noise=np.concatenate([self._drawn(s)[list(only)] for s in seeds]),
         )
         found = other.grades(genes)
         self.rollouts += other.rollouts
         self.physics_steps += other.physics_steps
         return found.reshape(len(genes), draws, k)
 
+    def turn(self, batch: int, each: int) -> list[int]:
+        """Numbers of the `each` simulators that a batch of this number, from 0, meets.
+
+        All take turns, in another order each time round.
+        """
+        rounds = (divmod(at, len(self.simulators)) for at in range(batch * each, (batch + 1) * each))
+        return [int(self._order(number)[at]) for number, at in rounds]
+
+    def in_turn(self, genes: np.ndarray, batch: int, each: int, doubt: float) -> np.ndarray:
+        """(n, each) grades of a batch of gaits (n, G) in the simulators whose turn it is, with noise of its own.
+
+        So a gait costs `each` runs, however many simulators there are. doubt : see `again` (domain randomisation: Tobin
+        et al., arXiv 1703.06907).
+        """
+        return self.again(genes, 1, first=TURNS + batch, doubt=doubt, only=self.turn(batch, each))[:, 0]
+
     def poses(self, actions: np.ndarray, simulator: int) -> "tuple[MjModel, np.ndarray]":
         """The MuJoCo model of a simulator (its number), and its poses (T+1, nq) under joint commands (T, A)."""
         run = Run(actions[None], period=1.0 / self.rate, noise=self._noise)
         arena = self._arena(run)
         return arena.model(simulator), arena.poses(run)[simulator, 0]
+
+    def _order(self, number: int) -> np.ndarray:
+        return stream(self._seed, "gait turns", number).permutation(len(self.simulators))
 
     def _drawn(self, draw: int) -> np.ndarray:
         """(k, 1, T, A) motor noise."""

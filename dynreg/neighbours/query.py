@@ -1,5 +1,6 @@
 """Query: of simulators that replay a recording, the one that predicts it best: replay, synthesise, judge."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -188,9 +189,7 @@ def _estimates(
     """
     unit, values_of = replays.unit[made], case.data.values_of
     if synthesis is None or synthesis.local is None:
-        source = replays if synthesis is None else synthesis.replays
-        evidence = Evidence(samples_in_all(source.residuals[int(source.score.argmin())]))
-        return estimates(source, linearise(source), unit, evidence, values_of)
+        return regressed(replays if synthesis is None else synthesis.replays, unit, values_of)
     finer = Replayer(case.robot.stepped(2), case.data.windows, case.replayer.threads)
     chosen, centre = case.data.parts.chosen, synthesis.local.centre[None]
     halved = finer.residuals(values_of(centre), chosen, synthesis.initial)
@@ -249,3 +248,11 @@ def _with_noise(case: Case, replays: Replays, made: int) -> tuple[Replays, bool]
     unit = replays.unit.copy()
     unit[made] = case.data.with_known(space.to_unit(noisy))
     return replace(replays, unit=unit), True
+
+
+def regressed(
+    replays: Replays, unit: np.ndarray, values_of: Callable[[np.ndarray], np.ndarray]
+) -> tuple[dict[str, Interval], Gaussian]:
+    """Intervals and posterior of parameters about `unit` (P,), by the linear model that is regressed on replays."""
+    evidence = Evidence(samples_in_all(replays.residuals[int(replays.score.argmin())]))
+    return estimates(replays, linearise(replays), unit, evidence, values_of)

@@ -14,12 +14,16 @@ if TYPE_CHECKING:
     from dynreg.results.gait import Gait
     from dynreg.verbs.subjects import Recorded
 
-SOURCES = (*WORDS, NOMINAL, "random", "population")
-# Where a gait is sought: in the one answer of the query. At equal rollouts, gaits sought in it walk on most hidden
-# quadrupeds, and those sought in the nearest five (the paper's way) creep (bench_gait_hidden).
-ON = "synthesised"
+POSTERIOR = "posterior"
+SOURCES = (POSTERIOR, *WORDS, NOMINAL, "random", "population")
+# Where a gait is sought: in the query's answer and draws that the recording does not tell from it. What is sought in
+# the answer alone is quick and falls; what must walk in the nearest five (the paper's way) creeps (bench_gait_ways).
+ON = POSTERIOR
 SEVERAL = ("nearest", "random", "population")  # which mean k simulators
-OF_POPULATION = "mean"  # is maximised: some draws of the ranges cannot even stand, so the minimum would be 0
+MANY = 16  # draws of the posterior, the answer with them
+MEETS, DOUBT, ROLLOUTS = 4, 0.05, 7500  # of a search in them: see `SearchSettings`
+OF_DRAWS = "mean"  # is maximised: some draws cannot even stand, so the minimum would be 0
+DRAWN = (POSTERIOR, "population")
 
 
 @dataclass(frozen=True)
@@ -33,11 +37,14 @@ class GaitSettings(Settings):
         None,
         "Statistic over the simulators that the search maximises.",
         choices=tuple(ACCEPT),
-        usual=f"{USUAL}; of a population the {OF_POPULATION}",
+        usual=f"{USUAL}; with --on {' or '.join(DRAWN)} the {OF_DRAWS}",
     )
     task: str | None = option(None, "One of the robot's [[tasks]].", usual="its first")
     rollouts: int | None = option(
-        None, "Most simulator runs of the search.", usual=f"{EACH} for each simulator", least=1
+        None,
+        "Most simulator runs of the search.",
+        usual=f"{ROLLOUTS} with --on {POSTERIOR}, else {EACH} for each simulator",
+        least=1,
     )
     patience: int | None = option(
         None, "Stop after this many gaits without a better one.", usual="never", least=1
@@ -50,13 +57,18 @@ class GaitSettings(Settings):
     seed: int = seed()
     threads: int = threads()
 
-    def search(self, many: int) -> "SearchSettings":
-        """The settings of the search in so many simulators."""
+    def search(self, many: int, *, near: bool = False) -> "SearchSettings":
+        """The settings of the search in so many simulators; near a gait that has walked, where each costs one run."""
         from dynreg.gait.seek import AGAIN, SearchSettings
 
-        accept = self.accept or (OF_POPULATION if self.on == "population" else USUAL)
-        rollouts = self.rollouts or EACH * many
-        return SearchSettings(self.method, accept, rollouts, self.seed, self.patience, AGAIN, self.packaged)
+        accept = self.accept or (OF_DRAWS if self.on in DRAWN else USUAL)
+        rollouts, turns = self.rollouts or EACH * many, {}
+        if self.on == POSTERIOR:
+            rollouts = self.rollouts or (ROLLOUTS // MEETS if near else ROLLOUTS)
+            turns = {"meets": MEETS, "doubt": DOUBT}
+        return SearchSettings(
+            self.method, accept, rollouts, self.seed, self.patience, AGAIN, self.packaged, **turns
+        )
 
 
 @dataclass(frozen=True)
@@ -102,13 +114,14 @@ def gait(
     robot = asked.robot
     task = task_of(robot, settings.task)
     gait_space(robot, task.motion)  # raises its errors before the registry is read, as too few rollouts do
-    many = settings.k if settings.on in SEVERAL else 1
+    many = settings.k if settings.on in SEVERAL else MANY if settings.on == POSTERIOR else 1
     settings.search(many).evaluations(many)
     wanted = QuerySettings(k=settings.k, population=settings.population, threads=settings.threads)
     chosen = choose(asked, settings.on, wanted, settings.seed, progress)
-    search = replace(settings.search(len(chosen.simulators)), tried=had.genes)
-    if had.walked and may_stay(settings.method):
-        chosen, search = with_earlier(asked, chosen, had.simulators), replace(search, near=True)
+    near = had.walked and may_stay(settings.method)
+    search = replace(settings.search(len(chosen.simulators), near=near), tried=had.genes, near=near)
+    if near:
+        chosen = with_earlier(asked, chosen, had.simulators)
     known = known_values(robot, asked.recording)
     simulators = simulators_of(robot, [one.config for one in chosen.simulators], known)
     rate = command_rate(robot, known)
@@ -116,7 +129,7 @@ def gait(
     key, path = journal(asked, chosen, trials, search)
     look = seek_near if search.near else seek
     sought = look(trials, search, journal=path, resume=settings.resume, key=key, progress=progress)
-    unseen = expected(trials, sought.genes)
+    unseen = expected(trials, sought.genes, search.doubt)
     about, seconds = (asked.recording.id, asked.name), time.perf_counter() - began
     found = document(robot, about, chosen, trials, search, sought, unseen, seconds)
     asked.keep(found)

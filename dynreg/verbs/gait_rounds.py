@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from dynreg.errors import BudgetError, LogError, UsageError
 from dynreg.progress import Progress
-from dynreg.verbs.gait import GaitSettings
+from dynreg.verbs.gait import POSTERIOR, GaitSettings
 from dynreg.verbs.next_gait import Next, Tried, had, told_by
 from dynreg.verbs.settings import option
 from dynreg.verbs.simulators import WORDS
@@ -120,7 +120,7 @@ def _require_seen(task: "Task", real: "RealRobot") -> None:
 
 def require_query(on: str) -> None:
     """UsageError where a word names simulators that no query of a trial's log can name anew."""
-    told = [word for word, one in WORDS.items() if one.made_by == "query"]
+    told = [POSTERIOR, *(word for word, one in WORDS.items() if one.made_by == "query")]
     if on not in told:
         raise UsageError(
             f"trials on the robot with --on {on}",

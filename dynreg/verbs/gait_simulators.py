@@ -6,11 +6,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynreg.errors import NoMatchError, UsageError, command
+from dynreg.neighbours.draws import drawn
+from dynreg.neighbours.query import choose as answered
 from dynreg.progress import Progress
 from dynreg.results.neighbours import Neighbours
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.config import SimConfig
-from dynreg.verbs.query import QuerySettings, query
+from dynreg.verbs.gait import MANY, POSTERIOR
+from dynreg.verbs.neighbours import judged
+from dynreg.verbs.query import QuerySettings, query, retrieved
 from dynreg.verbs.simulators import NOMINAL, WORDS, Simulator, own, simulator
 from dynreg.verbs.subjects import Recorded, population_for
 
@@ -33,6 +37,8 @@ def choose(asked: Recorded, on: str, settings: QuerySettings, seed: int, progres
     """
     if on in _MADE:
         return _MADE[on](asked, settings, seed)
+    if on == POSTERIOR:
+        return _posterior(asked, settings, seed, progress)
     if on in WORDS and WORDS[on].made_by == "query":
         found = _close_enough(asked, settings, progress)
         if on == "nearest":
@@ -64,7 +70,11 @@ def _named(asked: Recorded, refs: Sequence[str]) -> tuple[Simulator, ...]:
 
 
 def _close_enough(asked: Recorded, settings: QuerySettings, progress: Progress | None) -> Neighbours:
-    found = query(asked, settings, progress)
+    return _kept(asked, query(asked, settings, progress))
+
+
+def _kept(asked: Recorded, found: Neighbours) -> Neighbours:
+    """What a query found, kept; NoMatchError where no simulator is close enough."""
     asked.keep(found)
     if found.fits is False:
         raise NoMatchError(
@@ -73,6 +83,16 @@ def _close_enough(asked: Recorded, settings: QuerySettings, progress: Progress |
             do=f"find the missing effect with `{command('diagnose', asked.name)}`, then add --on diagnosed",
         )
     return found
+
+
+def _posterior(asked: Recorded, settings: QuerySettings, seed: int, progress: Progress | None) -> Chosen:
+    """The query's answer, and draws of the parameters that the recording leaves open."""
+    subject = retrieved(asked, settings, progress)
+    found = answered(subject.case, subject.found, subject.spending)
+    _kept(asked, judged(subject, found))
+    values = drawn(subject.case, found, MANY, stream_seed(seed, "gait simulators"))
+    made, source = _made(asked, values, POSTERIOR), asked.registry.latest("neighbours", asked.recording.id).id
+    return replace(made, source=source)
 
 
 def _nominal(asked: Recorded, settings: QuerySettings, seed: int) -> Chosen:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from dynreg.distance.population import Population
     from dynreg.results.causes import Causes
     from dynreg.results.neighbours import Neighbours
+    from dynreg.verbs.neighbours import Subject
     from dynreg.verbs.subjects import Recorded
 
 
@@ -81,17 +82,37 @@ def query(
     Raises UsageError where k or the budget cannot be met, LogError where the
     recording cannot be replayed.
     """
-    from dynreg.neighbours.query import case_of, choose, distance_query
-    from dynreg.neighbours.retrieve import retrieve
-    from dynreg.neighbours.spending import Spending, usual_budget
+    from dynreg.neighbours.query import choose
     from dynreg.verbs.causes import looks_like
-    from dynreg.verbs.measured import kept_model, near_measured, register_measured
-    from dynreg.verbs.neighbours import Subject, judged, unjudged
-    from dynreg.verbs.populations import ready
+    from dynreg.verbs.neighbours import judged, unjudged
     from dynreg.verbs.subjects import named_effects
 
     if population is None and (effects := named_effects(asked, settings.population)) is not None:
         return looks_like(asked, effects, settings, progress)
+    subject = retrieved(asked, settings, progress, population=population)
+    if not settings.replay and not settings.synthesise:
+        return unjudged(subject)
+    return judged(subject, choose(subject.case, subject.found, subject.spending))
+
+
+def retrieved(
+    asked: "Recorded",
+    settings: QuerySettings,
+    progress: Progress | None = None,
+    *,
+    population: "Population | None" = None,
+) -> "Subject":
+    """What a query finds before it replays and synthesises; the recording's own model is registered.
+
+    Raises as `query`.
+    """
+    from dynreg.neighbours.query import case_of, distance_query
+    from dynreg.neighbours.retrieve import retrieve
+    from dynreg.neighbours.spending import Spending, usual_budget
+    from dynreg.verbs.measured import kept_model, near_measured, register_measured
+    from dynreg.verbs.neighbours import Subject
+    from dynreg.verbs.populations import ready
+
     began, k, recording = time.perf_counter(), settings.k, asked.recording
     if population is None:
         population = ready(asked, settings.population, states=settings.states, judged=settings.judged)
@@ -112,7 +133,4 @@ def query(
     report("retrieve", 1, 1)
     measured = near_measured(asked, rows, found.distance_name, k)
     register_measured(asked, population, threads=settings.threads)
-    subject = Subject(asked, case, found, measured, spending, began)
-    if not settings.replay and not settings.synthesise:
-        return unjudged(subject)
-    return judged(subject, choose(case, found, spending))
+    return Subject(asked, case, found, measured, spending, began)

@@ -177,10 +177,12 @@ def test_of_the_last_gaits_the_one_that_falls_least_often_is_taken(trials, monke
     best, finals = of("min")
     assert np.array_equal(best, unit[0]) and finals == fast
     trials.task.success = 0.3
-    mean = of("mean")
-    assert np.array_equal(mean[0], unit[0]) and mean[1].value == pytest.approx(
-        ((0.0 + 2.0 + 2.0) / 3 + 2.0) / 2
-    )
+    best, finals = of("mean")
+    assert np.array_equal(best, unit[1]) and finals == slow
+    trials.task.success = 0.5
+    best, finals = of("mean")
+    assert np.array_equal(best, unit[0])
+    assert finals.value == pytest.approx(((0.0 + 2.0 + 2.0) / 3 + 2.0) / 2)
 
 
 @pytest.mark.parametrize(
@@ -280,3 +282,57 @@ def test_gaits_that_the_robot_has_had_are_tried_before_all_others(trials) -> Non
             asked = search_of(trials, settings, settings.evaluations(2)).ask()
             seen = [space.from_unit(one) for one in asked]
             assert all(any(np.allclose(one, gait) for one in seen) for gait in had), method
+
+
+def many_simulators(brief, many: int = 6) -> Trials:
+    values = brief.space.sample(0, many, 5)
+    return Trials(brief, task_of(brief), Simulators(values), rate=brief.rate, threads=1)
+
+
+def test_simulators_take_turns_and_each_batch_meets_some(brief, monkeypatch) -> None:
+    trials, asked = many_simulators(brief), []
+    again = trials.again
+    monkeypatch.setattr(trials, "again", lambda *a, **k: asked.append((a, k)) or again(*a, **k))
+    settings = SearchSettings("cma", rollouts=300, again=0.3, seed=2, meets=2, doubt=0.07)
+    found = seek(trials, settings)
+    turns = [k for _, k in asked if "only" in k]
+    met = [number for k in turns for number in k["only"]]
+    assert all(len(k["only"]) == 2 and k["doubt"] == 0.07 for k in asked and turns)
+    assert len(met) > 12 and all(sorted(met[i : i + 6]) == [*range(6)] for i in range(0, len(met) - 5, 6))
+    assert len({tuple(met[i : i + 6]) for i in range(0, len(met) - 5, 6)}) > 1
+    assert len({k["first"] for k in turns}) == len(turns)  # other noise for each batch
+    assert {k["doubt"] for _, k in asked if "only" not in k} == {0.07}  # the finals, in all six
+    assert trials.rollouts <= settings.rollouts + 6 and found.found.evaluations > settings.rollouts * 0.5 / 6
+    assert found.helpless.shape == (6,)
+    alone = trials.in_turn(first_gaits(trials), 3, 2, 0.07)
+    assert np.array_equal(
+        alone, trials.again(first_gaits(trials), 1, first=1003, doubt=0.07)[:, 0, trials.turn(3, 2)]
+    )
+
+
+@pytest.mark.parametrize(("method", "patience"), [("hill", None), ("cma", 50)])
+def test_searches_that_compare_batches_meet_all_simulators(method: str, patience, brief) -> None:
+    settings = SearchSettings(method, rollouts=300, again=0.3, patience=patience, meets=2)
+    assert settings.met(6) == 6 and replace(settings, method="cma", patience=None).met(6) == 2
+    assert replace(settings, method="cma", patience=None).met(1) == 1
+    assert seek(many_simulators(brief), settings).found.evaluations <= 300 // 6
+
+
+def test_an_interrupted_search_in_turn_goes_on_to_the_same_end(brief, tmp_path: Path) -> None:
+    settings, path, done = (
+        SearchSettings("cma", rollouts=300, again=0.3, seed=2, meets=2),
+        tmp_path / "one.jsonl",
+        [],
+    )
+    whole = seek(many_simulators(brief), settings)
+
+    def interrupt(stage: str, at: int, total: int) -> None:
+        done.append(at)
+        if len(done) == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        seek(many_simulators(brief), settings, journal=path, key={"a": 1}, progress=interrupt)
+    gone_on = seek(many_simulators(brief), settings, journal=path, key={"a": 1}, resume=True)
+    assert gone_on.found.resumed == done[2] and np.array_equal(gone_on.genes, whole.genes)
+    assert np.array_equal(gone_on.helpless, whole.helpless) and gone_on.finals == whole.finals

@@ -168,7 +168,7 @@ def test_a_log_that_no_simulator_is_close_to_leaves_those_before(opened, brief) 
 def test_simulators_that_no_query_names_are_refused_before_anything_moves(opened, brief) -> None:
     real = robot_of(brief)
     for on in ("nominal", "diagnosed", "random"):
-        with pytest.raises(UsageError, match=f"--on {on}; expected one of nearest, synthesised"):
+        with pytest.raises(UsageError, match=f"--on {on}; expected one of posterior, nearest, synthesised"):
             opened.gait_rounds("log", real, **(ASKED | {"on": on}))
     assert real.spent.trials == 0 and opened.queried == []
 

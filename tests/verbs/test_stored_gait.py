@@ -22,7 +22,8 @@ from dynreg.sim.config import SimConfig
 from dynreg.sim.excitation import excitation
 from dynreg.sim.real import SimulatedRobot
 from dynreg.sim.robot import load_robot
-from dynreg.verbs.gait import SOURCES, GaitSettings
+from dynreg.verbs.gait import MANY, MEETS, SOURCES, GaitSettings
+from dynreg.verbs.gait import ROLLOUTS as ROLLOUTS_IN_DRAWS
 from dynreg.verbs.simulators import NAMES
 
 ROLLOUTS = 22  # two batches of CMA-ES in one simulator
@@ -63,11 +64,28 @@ def answering(opened: Session, monkeypatch: pytest.MonkeyPatch, fits: bool = Tru
 
 
 def test_rollouts_grow_with_the_simulators_where_none_are_named() -> None:
+    nearest = GaitSettings(on="nearest")
     for many in (1, 5):
-        assert GaitSettings().search(many).rollouts == 750 * many
-        assert GaitSettings(rollouts=90).search(many).rollouts == 90
-    one, five = (GaitSettings().search(many).evaluations(many) for many in (1, 5))
+        assert nearest.search(many).rollouts == 750 * many
+        assert GaitSettings(on="nearest", rollouts=90).search(many).rollouts == 90
+    one, five = (nearest.search(many).evaluations(many) for many in (1, 5))
     assert one == pytest.approx(five, rel=0.05) == pytest.approx(600, rel=0.05)
+
+
+def test_draws_of_the_posterior_take_turns_and_near_a_gait_each_costs_one_run() -> None:
+    usual, few, near = (
+        GaitSettings().search(16),
+        GaitSettings(rollouts=500).search(16),
+        GaitSettings().search(16, near=True),
+    )
+    assert (usual.rollouts, few.rollouts, near.rollouts) == (
+        ROLLOUTS_IN_DRAWS,
+        500,
+        ROLLOUTS_IN_DRAWS // MEETS,
+    )
+    assert usual.met(16) == MEETS and usual.met(1) == 1
+    assert usual.evaluations(16) == pytest.approx(0.8 * ROLLOUTS_IN_DRAWS / MEETS, rel=0.05)
+    assert GaitSettings(on="nearest").search(16).met(16) == 16
 
 
 def test_a_gait_is_stored_and_comes_back(found: Gait, opened: Session) -> None:
@@ -126,14 +144,14 @@ def test_in_the_neighbours_and_in_the_synthesised_one(opened: Session, monkeypat
     assert [t.kind for t in both.trials] == ["neighbour"] * 2
     assert {t.simulator for t in both.trials} == set(opened.registry.ids("simulator")[:2])
     assert both.source == opened.registry.latest("neighbours").id
-    one = opened.gait("log", rollouts=ROLLOUTS, threads=1)  # where no simulators are named
+    one = opened.gait("log", on="synthesised", rollouts=ROLLOUTS, threads=1)
     assert one.on == "synthesised" and [t.kind for t in one.trials] == ["synthesised"]
 
 
 def test_where_no_simulator_is_close_the_diagnosis_is_advised(opened: Session, monkeypatch) -> None:
     answering(opened, monkeypatch, fits=False)
     with pytest.raises(NoMatchError, match="close enough.*dynreg diagnose log.*--on diagnosed") as caught:
-        opened.gait("log")
+        opened.gait("log", on="synthesised")
     assert caught.value.exit_status == 4
 
 
@@ -200,11 +218,13 @@ def test_too_few_rollouts_are_refused_before_a_query(opened: Session, monkeypatc
     with pytest.raises(UsageError, match="3 rollouts in 5 simulators"):
         opened.gait("log", on="nearest", rollouts=3, threads=1)
     with pytest.raises(UsageError, match="3 rollouts in 1 simulator;"):
+        opened.gait("log", on="synthesised", rollouts=3, threads=1)
+    with pytest.raises(UsageError, match=f"3 rollouts in {MANY} simulators"):
         opened.gait("log", rollouts=3, threads=1)
 
 
 def test_the_prediction_is_that_of_unseen_runs(opened: Session, monkeypatch) -> None:
-    monkeypatch.setattr("dynreg.gait.seek.expected", lambda trials, genes: np.array([-1000.0, 1.0, 2.0, 3.0]))
+    monkeypatch.setattr("dynreg.gait.seek.expected", lambda *_: np.array([-1000.0, 1.0, 2.0, 3.0]))
     e = opened.gait("log", on="nominal", rollouts=ROLLOUTS, threads=1).expected
     assert (e.runs, e.falls, e.median) == (4, 1, 1.5)
 
@@ -215,7 +235,7 @@ def test_the_gaits_of_the_folder_can_be_left_out(opened: Session) -> None:
 
 
 def test_simulators_are_named_by_the_words_of_all_verbs() -> None:
-    assert {*SOURCES} == {*NAMES, "random", "population"}
+    assert {*SOURCES} == {*NAMES, "posterior", "random", "population"}
 
 
 def test_simulators_of_other_robots_and_unknown_ones_are_refused(opened: Session) -> None:
