@@ -4,8 +4,8 @@
 each of `SOURCES`, as many as the search of `dynreg gait` tries gaits. It is then tried three times on the robot through
 `RealRobot`. Success: no fall in these, and 0.3 m or more in 10 s, on average. Speed is the task's mean fitness over its
 time (0 for a fall), as a share of the oracle's the ratio of the means. No search is told the packaged gaits but with
-`--packaged`. Real trials and seconds are what a source needs before its gait is judged. Intervals are of 90 %: bootstrap
-over robots, of counts Clopper-Pearson's.
+`--packaged`. Real trials and seconds are what a source needs before its gait is judged. Intervals are of 90 %:
+bootstrap over robots, of counts Clopper-Pearson's.
 
 `packaged` : the best of the robot's own gaits, by a trial of each. `hill` : the paper's hill climber on the nearest.
 `pulled` : the query's answer and its neighbours, each moved most of the way to it. `rounds` : `dynreg gait --trial`,

@@ -1,6 +1,6 @@
 """A gait for the robot of a log: query, search, export.
 
-python examples/train_gait.py LOG... [--registry FOLDER] [--n 1000] [--rollouts 2500] [--to gait.py]
+python examples/train_gait.py LOG... [--registry FOLDER] [--n 1000] [--rollouts 7500] [--to gait.py]
 """
 
 import argparse
@@ -9,18 +9,18 @@ import dynreg
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Populate, ingest, seek a gait that walks in the query's answer, and write what a robot can run."""
+    """Populate, ingest, seek a gait that walks in the query's answer and draws about it, and write what a robot can run."""
     parser = argparse.ArgumentParser(description="Seek a gait for the quadruped of some logs.")
     parser.add_argument("logs", nargs="+")
     parser.add_argument("--robot", default="quadruped")
     parser.add_argument("--registry", default="dynreg-registry")
-    parser.add_argument("--on", default="synthesised")
+    parser.add_argument("--on", default="posterior")
     parser.add_argument("--n", type=int, default=1000)
-    parser.add_argument("--rollouts", type=int, default=2500)
+    parser.add_argument("--rollouts", type=int, default=7500)
     parser.add_argument("--to", default="gait.py")
     given = parser.parse_args(arguments)
     with dynreg.open(given.registry) as registry:
-        if given.on in ("nearest", "synthesised", "random"):
+        if given.on in ("posterior", "nearest", "synthesised", "random"):
             registry.populate(given.robot, given.n)
         recording = registry.ingest(given.logs, given.robot)
         gait = registry.gait(recording, on=given.on, k=5, rollouts=given.rollouts)

@@ -6,11 +6,9 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 import pytest
 
-from dynreg.evidence.gaussian import Gaussian
 from dynreg.sim.excitation import excitation
 from dynreg.sim.real import SimulatedRobot
 from dynreg.sim.robot import load_robot
-from dynreg.verbs.posteriors import posterior_told
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 SEED = 61  # of the development
@@ -32,46 +30,21 @@ def sources(bench: ModuleType) -> ModuleType:
 
 
 SPACE = load_robot("quadruped").space
-FREE = ("torque", "torso_mass", "gravity")
 
 
-def told(untold: tuple[str, ...] = ("gravity",)) -> dict:
-    """What a query tells of three parameters: mass and torque go together, and gravity makes up for the mass."""
-    own = [SPACE.parameters[SPACE.names.index(name)] for name in FREE]
-    correlations = np.array([[1.0, 0.8, 0.0], [0.8, 1.0, -0.6], [0.0, -0.6, 1.0]])
-    found = Gaussian(
-        FREE,
-        tuple(p.scale for p in own),
-        np.array([[p.low, p.high] for p in own]),
-        np.full(3, 0.5),
-        np.array([0.02, 0.05, 0.3]),
-        correlations,
-        untold,
-    )
+def told() -> dict:
+    """What a query tells: an answer, five neighbours, and draws for two searches."""
     made = SPACE.from_unit(np.full(len(SPACE), 0.5))
     near = SPACE.sample(0, 5, SEED)
-    posterior = {"made": made.tolist(), "told": posterior_told(found).model_dump(mode="json")}
+    posterior = [np.concatenate([made[None], SPACE.sample(0, 6, SEED + i)]).tolist() for i in (1, 2)]
     spent = {"trials": 20, "seconds": 27.0, "falls": 5}
-    return {"synthesised": [made.tolist()], "nearest": near.tolist(), "posterior": posterior, "spent": spent}
-
-
-def test_a_posterior_moves_what_the_log_told_together_and_leaves_the_rest(sources) -> None:
-    step = told()
-    values = sources.drawn(SPACE, step, 4000, np.random.default_rng(1))
-    assert np.array_equal(values[0], step["synthesised"][0])
-    moved = SPACE.to_unit(values[1:]) - 0.5
-    torque, mass = (SPACE.names.index(name) for name in FREE[:2])
-    still = [i for i in range(len(SPACE)) if i not in (torque, mass)]
-    assert moved[:, still] == pytest.approx(0.0, abs=1e-9)
-    # with gravity given, the mass is known better: 0.05 sqrt(1 - 0.6^2)
-    assert moved[:, torque].std() == pytest.approx(0.02, rel=0.05)
-    assert moved[:, mass].std() == pytest.approx(0.04, rel=0.05)
-    assert np.corrcoef(moved[:, torque], moved[:, mass])[0, 1] == pytest.approx(1.0, abs=1e-3)
-
-
-def test_a_log_that_told_nothing_leaves_one_simulator(sources) -> None:
-    for step in (told(FREE), told() | {"posterior": None}):
-        assert len(sources.drawn(SPACE, step, 4, np.random.default_rng(1))) == 1
+    return {
+        "synthesised": [made.tolist()],
+        "nearest": near.tolist(),
+        "posterior": posterior,
+        "spent": spent,
+        "truth": 1.1,
+    }
 
 
 def test_noisy_neighbours_have_the_answers_noise_and_their_own_bodies(sources) -> None:
@@ -120,15 +93,27 @@ def test_the_first_search_of_a_way_is_that_of_the_other_table_and_the_second_is_
     assert first["genes"] != second["genes"] and first["gaits"] == second["gaits"]
 
 
-def test_equal_gaits_are_as_many_rollouts_in_each_simulator(bench, monkeypatch) -> None:
+def test_all_ways_have_the_same_rollouts_or_the_same_gaits(bench, monkeypatch) -> None:
     walker, asked = bench.walker_of("family 0", SEED), []
     monkeypatch.setattr(
         bench, "searched", lambda walker, trials, real, settings: asked.append(settings) or {}
     )
-    job = SimpleNamespace(plan=bench.Plan(SEED, 12, 100, 60))
-    for way in ("posterior", "posterior gaits", "posterior quartile"):
-        assert bench.cell(job, walker, bench.WAYS[way], 0, told())["simulators"] == 5
-    assert [(s.rollouts, s.accept) for s in asked] == [(100, "min"), (500, "min"), (100, "quantile")]
+    job = SimpleNamespace(plan=bench.Plan(SEED, 12, 2000, 60))
+    ways = {"posterior": 7, "posterior min": 7, "synthesised": 1, "synthesised gaits": 1, "pulled mean": 5}
+    step = told() | {"pulled": told()["nearest"]}
+    for way, many in ways.items():
+        assert bench.cell(job, walker, bench.WAYS[way], 0, step)["simulators"] == many
+    assert [(s.rollouts, s.accept) for s in asked] == [
+        (2000, "mean"),
+        (2000, "min"),
+        (2000, "min"),
+        (500, "min"),
+        (2000, "mean"),
+    ]
+    gaits = [s.evaluations(many) for s, many in zip(asked, ways.values(), strict=True)]
+    assert gaits[0] == gaits[1] == pytest.approx(gaits[3], rel=0.05) and gaits[2] == pytest.approx(
+        1600, rel=0.01
+    )
     assert len({s.seed for s in asked}) == 1
 
 

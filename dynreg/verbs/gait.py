@@ -30,7 +30,7 @@ DRAWN = (POSTERIOR, "population")
 class GaitSettings(Settings):
     """The settings of `gait`."""
 
-    k: int = option(5, "Number of simulators in which the gait must walk.", flag="-k", least=1, shared=True)
+    k: int = option(5, "Number of neighbours of the query, or of simulators in which the gait must walk.", flag="-k", least=1, shared=True)
     on: str = option(ON, f"Simulators: {', '.join(SOURCES)}, or their ids with commas between them.", old=OLD)
     method: str = method()
     accept: str | None = option(
@@ -90,12 +90,12 @@ def gait(
     *,
     had: Had = Had(),  # noqa: B008  frozen
 ) -> "Gait":
-    """Search for a gait that walks in the query's simulator.
+    """Search for a gait that walks in the query's answer and in draws about it.
 
     The gait is stored. An interrupted search resumes with --resume. With --trial, gaits are tried on the robot in turn,
     and the trials' logs tell in which simulators the next one is sought.
 
-    Example: dynreg gait monday --rollouts 2500
+    Example: dynreg gait monday --rollouts 15000
 
     Raises RobotError if the robot has no such task, NoMatchError if no simulator is close enough, UsageError if there
     are too few simulators.

@@ -1,0 +1,66 @@
+"""A gait that is sought in the query's answer and in draws that the recording does not tell from it."""
+
+from collections.abc import Iterator
+
+import pytest
+from secret_servo import TRAINING
+
+from dynreg import session
+from dynreg.errors import NoMatchError
+from dynreg.results import Gait
+from dynreg.session import Session
+
+HOW = {"k": 2, "rollouts": 400, "threads": 1}
+
+
+@pytest.fixture(scope="module")
+def opened(tmp_path_factory: pytest.TempPathFactory, brief, short_log) -> Iterator[Session]:
+    """A registry with twelve simulators of a quadruped, and its log."""
+    with session.open(tmp_path_factory.mktemp("posterior") / "registry") as made:
+        made.ingest(short_log, brief, name="log")
+        made.populate(brief, 12, training=TRAINING)
+        yield made
+
+
+@pytest.fixture(scope="module")
+def found(opened: Session) -> Gait:
+    return opened.gait("log", **HOW)
+
+
+def test_it_is_sought_in_the_answer_and_draws_about_it(found: Gait, opened: Session) -> None:
+    answer = opened.registry.latest("neighbours")
+    assert found.on == "posterior" and found.source == answer.id and found.accept == "mean"
+    assert found.value == found.fitness.mean and 1 < found.k <= 16
+    first, *others = (t.parameters for t in found.trials)
+    told = answer.document["answer_parameters"]
+    assert {n: v for n, v in first.items() if n != "action_rate"} == pytest.approx(
+        {n: v for n, v in told.items() if n != "action_rate"}
+    )
+    assert all(p["torque"] != first["torque"] for p in others)
+    assert {p["action_rate"] for p in (first, *others)} == {found.rate}  # known from the log
+    assert (
+        found.cost.rollouts <= HOW["rollouts"] + found.k + 48
+    )  # its last run, and those that predict a trial
+    lineage = opened.registry.simulator(found.trials[1].simulator)["lineage"]
+    assert lineage == {"made_by": "gait", "kind": "posterior"}
+
+
+def test_the_same_seed_finds_the_same_and_another_draws_others(found: Gait, opened: Session) -> None:
+    again, other = opened.gait("log", **HOW), opened.gait("log", seed=1, **HOW)
+    ids = [[t.simulator for t in one.trials] for one in (found, again, other)]
+    assert again.genes == found.genes and ids[0] == ids[1]
+    assert ids[0][0] == ids[2][0] and ids[0][1:] != ids[2][1:]  # the answer is the same
+    assert opened.verify().clean
+
+
+def test_where_no_simulator_is_close_the_query_is_kept_and_the_diagnosis_advised(
+    opened: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from dynreg.verbs import gait_simulators
+
+    judged, before = gait_simulators.judged, len(opened.registry.ids("result"))
+    far = lambda *a: judged(*a).model_copy(update={"fits": False, "alarm": "far off"})  # noqa: E731
+    monkeypatch.setattr(gait_simulators, "judged", far)
+    with pytest.raises(NoMatchError, match="far off.*dynreg diagnose log.*--on diagnosed"):
+        opened.gait("log", **HOW)
+    assert len(opened.registry.ids("result")) == before + 1
