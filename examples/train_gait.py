@@ -9,7 +9,7 @@ import dynreg
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Populate, ingest, seek a gait that walks in the query's answer and draws about it, and write what a robot can run."""
+    """Populate, ingest, seek a gait in the query's answer and draws about it, and write what a robot can run."""
     parser = argparse.ArgumentParser(description="Seek a gait for the quadruped of some logs.")
     parser.add_argument("logs", nargs="+")
     parser.add_argument("--robot", default="quadruped")
