@@ -48,6 +48,7 @@ from dynreg.verbs.gait_rounds import GaitRoundsSettings, gait_rounds
 from dynreg.verbs.subjects import Recorded
 
 TUNE, REPORT = 61, 20270111
+GAITS = ROLLOUTS // MEETS  # about as many gaits as a search of `dynreg gait` tries
 RESULTS = Path(__file__).parent / "results"
 FILE = RESULTS / "gait_hidden.json"
 SOURCES = (
@@ -163,6 +164,7 @@ def _rounds(job: Job, walker: Walker, real: SimulatedRobot) -> dict:
     log, _ = excited(walker)
     settings = GaitRoundsSettings(
         k=K,
+        rollouts=None if job.plan.rollouts == GAITS else job.plan.rollouts * MEETS,
         packaged=job.plan.packaged,
         population=job.population,
         seed=search_seed(walker.seed),
@@ -328,9 +330,7 @@ def _given() -> argparse.Namespace:
     )
     parser.add_argument("--robots", type=int, default=12, help="in each half")
     parser.add_argument("--only", nargs="*", choices=SOURCES, default=SOURCES, help="these sources alone")
-    parser.add_argument(
-        "--rollouts", type=int, default=ROLLOUTS // MEETS, help="gaits of the default's search"
-    )
+    parser.add_argument("--rollouts", type=int, default=GAITS, help="gaits of the default's search")
     parser.add_argument("--entries", type=int, default=1000)
     parser.add_argument(
         "--nulls", type=int, default=6, help="robots from which the diagnosis' threshold is found"

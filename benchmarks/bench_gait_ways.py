@@ -20,7 +20,7 @@ import numpy as np
 from bench_gait_hidden import RESULTS, TUNE, searched
 from bootstrap import interval
 from gait_jobs import Cells, Job, Plan, run, search_seed
-from gait_sources import LOGS, logged, simulators
+from gait_sources import LOGS, SEARCHES, logged, simulators
 from kept import keep
 from scipy.stats import wilcoxon
 from walkers import FAMILY, RATE, Walker, walker_of
@@ -33,7 +33,7 @@ from dynreg.gait.trials import Trials
 from dynreg.sim.real import Budget, Spent
 from dynreg.sim.robot import load_robot
 from dynreg.timed.compare import holm
-from dynreg.verbs.gait import DOUBT, MEETS, OF_DRAWS, ROLLOUTS
+from dynreg.verbs.gait import DOUBT, MEETS, MEAN, ROLLOUTS
 
 REPORT = 20270112
 ROBOTS = 12
@@ -51,11 +51,11 @@ class Way:
 
 
 WAYS = {
-    "posterior": Way("posterior", OF_DRAWS),
+    "posterior": Way("posterior", MEAN),
     "posterior quartile": Way("posterior", "quantile"),
     "posterior min": Way("posterior"),
     **{source: Way(source) for source in (AGAINST, "hand", *SEVERAL)},
-    **{f"{source} mean": Way(source, OF_DRAWS) for source in SEVERAL},
+    **{f"{source} mean": Way(source, MEAN) for source in SEVERAL},
     f"{AGAINST} gaits": Way(AGAINST, as_drawn=True),
 }
 
@@ -96,7 +96,7 @@ def work(job: Job) -> str:
 def cell(job: Job, walker: Walker, way: Way, number: int, step: dict) -> dict:
     """The gait that one search finds in a way's simulators, tried on the robot."""
     made, seed = simulators(job, walker, way.source, step, number), search_seed(walker.seed, number)
-    noise = seed if number else walker.seed  # the first search is that of the other table
+    noise = seed if number else walker.seed  # the first search is as those of the other table
     trials = Trials(walker.robot, task_of(walker.robot), made, rate=RATE, seed=noise, threads=1)
     rollouts = job.plan.rollouts // (MEETS if way.as_drawn else 1)
     turns = {"meets": MEETS, "doubt": DOUBT} if way.source == "posterior" else {}
@@ -184,6 +184,8 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--tune", action="store_true", help="the robots of the development; writes no table")
     given = parser.parse_args()
+    if given.searches > SEARCHES:
+        parser.error(f"--searches {given.searches}: of each robot there are draws for {SEARCHES} searches")
     parts = (Part(tuple(given.only), given.searches, given.robots),) if given.only else TABLE
     plan = Plan(TUNE if given.tune else REPORT, ROBOTS, given.rollouts, given.entries)
     journal = Cells(given.journal, plan)

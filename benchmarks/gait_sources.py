@@ -37,7 +37,7 @@ LOGS = {
 }
 """{source: the step that it needs}."""
 POPULATION = 50
-SEARCHES = 2  # in draws of their own
+SEARCHES = 2  # in draws of their own, at most
 
 
 def logged(job: Job, walker: Walker, journal: Cells, sources: tuple[str, ...]) -> dict[str, dict]:

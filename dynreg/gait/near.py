@@ -28,11 +28,14 @@ def may_stay(method: str) -> bool:
 def seek_near(trials: Trials, settings: SearchSettings, **followed: Unpack[Followed]) -> Sought:
     """The gait between the first of `settings.tried` and what a search about it finds; the same each time.
 
-    Each batch runs in one of the simulators, which take turns, with parameters moved by `DOUBT`. So the search finds
-    which way gaits get better in all. How far to go, `farthest` says.
+    Each batch runs in one of the simulators, which take turns, with parameters moved by `settings.doubt` (`DOUBT`,
+    usually). So the search finds which way gaits get better in all. How far to go, `farthest` says.
     """
     space, k, kind = trials.space, len(trials.simulators), SEARCHES[settings.method]
-    draws = int(settings.again * settings.rollouts) // (len(SHARES) * k)
+    points = len(SHARES) * k
+    draws = int(settings.again * settings.rollouts) // points
+    if settings.again and not draws and 4 * points <= settings.rollouts:
+        draws = 1  # of so many simulators one draw tells enough
     evaluations = settings.rollouts - draws * len(SHARES) * k
     begin = space.to_unit(np.array(settings.tried[:1]))[0]
     rng, steps = stream(settings.seed, "gait near", settings.method), np.full(len(space), STEP)
@@ -40,7 +43,7 @@ def seek_near(trials: Trials, settings: SearchSettings, **followed: Unpack[Follo
     begun, ran, stood = 0, np.zeros(k, dtype=bool), np.zeros(k, dtype=bool)
 
     def graded(unit: np.ndarray) -> np.ndarray:
-        return trials.in_turn(space.feasible(space.from_unit(unit)), begun, 1, DOUBT)
+        return trials.in_turn(space.feasible(space.from_unit(unit)), begun, 1, settings.doubt)
 
     def watched(grades: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         nonlocal begun
@@ -51,7 +54,7 @@ def seek_near(trials: Trials, settings: SearchSettings, **followed: Unpack[Follo
 
     limits = Limits(evaluations, settings.patience)
     found = driven(search, graded, watched, limits, **followed)
-    best, finals = farthest(trials, settings.accept, between(begin, search.middle, space.periodic), draws)
+    best, finals = farthest(trials, settings, between(begin, search.middle, space.periodic), draws)
     return answer(trials, best, found, finals, ran & ~stood)
 
 
@@ -63,17 +66,21 @@ def between(begin: np.ndarray, end: np.ndarray, periodic: np.ndarray) -> np.ndar
     return np.where(periodic, np.mod(points, 1.0), points)
 
 
-def farthest(trials: Trials, accept: str, points: np.ndarray, draws: int) -> tuple[np.ndarray, Finals | None]:
-    """The best of the points (n, P) after the first, and what it did: all meet the same so many draws of noise and
-    parameters, moved by `DOUBT`, in every simulator. The highest gain over the first is taken: accepted over the
-    simulators, of the mean over draws. So a simulator that is wrong about how far a gait goes does not decide alone.
+def farthest(
+    trials: Trials, settings: SearchSettings, points: np.ndarray, draws: int
+) -> tuple[np.ndarray, Finals | None]:
+    """The best of the points (n, P) after the first, and what it did.
+
+    All meet the same so many draws of noise and parameters, moved by `settings.doubt`, in every simulator. The highest
+    gain over the first is taken: accepted over the simulators, of the mean over draws. So a simulator that is wrong
+    about how far a gait goes does not decide alone.
 
     Without draws it is the point half way, and None.
     """
     if not draws:
         return points[SHARES.index(0.5)], None
-    space, accepted = trials.space, ACCEPT[accept]
-    seen = trials.again(space.feasible(space.from_unit(points)), draws, doubt=DOUBT)
+    space, accepted = trials.space, ACCEPT[settings.accept]
+    seen = trials.again(space.feasible(space.from_unit(points)), draws, doubt=settings.doubt)
     values = fitness(seen).mean(axis=1)
     best = 1 + int(np.argmax(accepted(values[1:] - values[0])))
     return points[best], Finals(seen[best].size, int(fell(seen[best]).sum()), float(accepted(values)[best]))

@@ -33,7 +33,7 @@ DRAWS = 2  # of the first round, over all simulators
 FINALISTS = 4  # at least, or none is tried again
 DOUBT = 0.03  # of the ranges, 1 sigma, by which parameters move then: no simulator is the robot
 # Runs of the answer that no choice has seen; they begin at a draw that no round of finals reaches.
-EXPECTED, UNSEEN = 40, 10_000
+EXPECTED, UNSEEN = 40, 1_000_000
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,9 @@ class SearchSettings:
     packaged : whether the gaits that the robot's folder brings are tried first. tried : genes (n, G) of gaits that the
     robot has had, which are tried before these.
     near : whether the search stays near the first of these; see `near.seek_near`.
-    meets : simulators that a batch of gaits meets, of all in turn (`Trials.in_turn`), where the search learns from each
-    batch alone; None for all. doubt : of the ranges, 1 sigma, by which parameters move then, and in the finals.
+    meets : simulators that a batch of gaits meets, of all in turn (`Trials.in_turn`), where the search ranks within
+    each batch; None for all. doubt : of the ranges, 1 sigma, by which parameters move in batches that take turns, in
+    the finals and in the runs that predict a trial.
     again : share of the rollouts in which the best gaits are tried once more, with other motor noise and parameters a
     little off: of many gaits the best is also the one that was luckiest with those of the search.
     """
@@ -70,6 +71,8 @@ class SearchSettings:
                 raise UsageError(
                     f"{name} {value!r}", expected=f"one of {list(choices)}", do="choose one of them"
                 )
+        if self.meets is not None and self.meets < 1:
+            raise UsageError(f"meets = {self.meets}", expected="1 simulator or more", do="give more, or None")
         if not 0.0 <= self.again < 1.0:
             raise UsageError(f"again = {self.again}", expected="a share from 0 to below 1", do="give one")
 
@@ -84,8 +87,8 @@ class SearchSettings:
     def draws_anew(self, k: int) -> bool:
         """Whether every batch meets other noise than the one before.
 
-        Who learns from one batch alone lives with that, and finds what walks whatever the noise. Climbers compare
-        candidates of different batches; so does who ends a search early.
+        A search that ranks within one batch can have new noise each time, and finds what walks whatever the noise.
+        Climbers compare candidates of different batches. So does a search that may end early.
         """
         return bool(self.finals(k)) and SEARCHES[self.method].by_order and self.patience is None
 
@@ -101,7 +104,7 @@ class SearchSettings:
             raise UsageError(
                 f"{self.rollouts} rollouts in {met} simulator{'s' if met > 1 else ''}",
                 expected=f"at least {batch * met}: {batch} gaits at a time in each",
-                do="raise --rollouts or lower -k",
+                do="raise --rollouts" if self.meets else "raise --rollouts or lower -k",
             )
         return left
 
@@ -131,7 +134,7 @@ class Sought(Walked):
 
     found : the search alone. finals : None where no gait was tried again. packaged : number of the robot's own gait
     that the answer is, unchanged; None of a new one.
-    helpless : (k,) simulators in which every gait that was tried fell.
+    helpless : (k,) simulators in which every gait that was tried there fell.
     """
 
     found: Found
@@ -182,6 +185,9 @@ def driven(
 def seek(trials: Trials, settings: SearchSettings, **followed: Unpack[Followed]) -> Sought:
     """The gait that is worth most, of the best ones tried again where there are `finals`; the same each time.
 
+    Where simulators take turns, gaits of different batches met different ones. Their losses are compared all the same,
+    as under different noise: the finals, in all simulators, decide.
+
     Raises UsageError where the rollouts do not suffice for one batch of candidates.
     """
     space, k = trials.space, len(trials.simulators)
@@ -190,11 +196,11 @@ def seek(trials: Trials, settings: SearchSettings, **followed: Unpack[Followed])
     kind = SEARCHES[settings.method]
     search = Seen(search_of(trials, settings, evaluations))
     gaits = lambda unit: space.feasible(space.from_unit(unit))  # noqa: E731
-    accepted, helpless = ACCEPT[settings.accept], np.ones(k, dtype=bool)
+    accepted, ran, stood = ACCEPT[settings.accept], np.zeros(k, dtype=bool), np.zeros(k, dtype=bool)
 
     def watched(grades: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         mine = trials.turn(search.asks - 1, met) if met < k else slice(None)
-        helpless[mine] &= fallen(grades).all(axis=0)
+        ran[mine], stood[mine] = True, stood[mine] | ~fallen(grades).all(axis=0)
         values = accepted(fitness(grades))
         # some rank their candidates, the fallen ones too; the hill climber is the paper's
         return values, -accepted(grades) if kind.by_order else -values
@@ -215,7 +221,7 @@ def seek(trials: Trials, settings: SearchSettings, **followed: Unpack[Followed])
     best, again = found.best, None
     if finals:
         best, again = best_again(trials, settings, search.best(finals[0][0]), finals)
-    return answer(trials, best, found, again, helpless)
+    return answer(trials, best, found, again, ran & ~stood)
 
 
 def answer(
@@ -243,10 +249,11 @@ def expected(trials: Trials, genes: np.ndarray, doubt: float = DOUBT) -> np.ndar
 def best_again(
     trials: Trials, settings: SearchSettings, finalists: np.ndarray, rounds: tuple[tuple[int, int], ...]
 ) -> tuple[np.ndarray, Finals]:
-    """The best (P,) of the finalists (n, P), and what it did: the one that falls least often.
+    """The best (P,) of the finalists (n, P), and what it did.
 
-    Of those that fall alike, the one with the highest value: accepted over the simulators of the mean over draws. What
-    does not reach the task's `success` comes after all that do.
+    Of those whose value reaches the task's `success` it is the one that falls least often, and of those that fall alike
+    the one with the highest value: accepted over the simulators of the mean over draws. Where none does, it is the one
+    with the highest value.
     """
     space, seen = trials.space, np.empty((len(finalists), 0, len(trials.simulators)))
     for gaits, draws in rounds:
@@ -257,7 +264,7 @@ def best_again(
         values = ACCEPT[settings.accept](fitness(seen).mean(axis=1))
         falls = fallen(seen).sum(axis=(1, 2))
         short = values < trials.task.success
-        order = np.lexsort((-values, falls, short))
+        order = np.lexsort((-values, np.where(short, 0, falls), short))
         finalists, seen, values, falls = finalists[order], seen[order], values[order], falls[order]
     return finalists[0], Finals(seen[0].size, int(falls[0]), float(values[0]))
 

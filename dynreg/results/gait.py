@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     import numpy as np
     from matplotlib.axes import Axes
 
+OVER = {"min": "at worst", "quantile": "at the lower quartile", "mean": "on average"}
 OFTEN = 0.1  # share of runs that fall, above which a gait is not told as a success: by contract
 POINTS = 128  # of a period, in the table of a document of version 1: as many as new ones of sines have
 
@@ -89,8 +90,8 @@ class GaitFinals(Result):
 
 
 class GaitExpected(Result):
-    """What the simulators predict of a trial on the robot: the answer under motor noise and parameters, moved by 3 % of
-    their ranges, that the search never saw.
+    """What the simulators predict of a trial on the robot: the answer under motor noise and parameters, moved a
+    little, that the search never saw.
 
     runs : how many. falls : how many of these fell. low, high : exact 90 % interval of the share that falls.
     median, p5, p95 : of the fitness, in the task's unit; a fall counts as 0.
@@ -228,8 +229,16 @@ class Gait(Result):
         return places
 
     def brief(self) -> str:
-        worst = f"{self.fitness.min:.3g} {self.unit} at worst in {self.k} simulators"
-        return f"of {self.robot} for {self.recording_name or 'it'}: {self.task}, {worst}"
+        value = f"{self.value:.3g} {self.unit} {OVER[self.accept]} in {self.k} simulators"
+        return f"of {self.robot} for {self.recording_name or 'it'}: {self.task}, {value}"
+
+    @property
+    def shown(self) -> int:
+        """Number of the simulator that shows the gait: the query's answer, else that in which it walks least."""
+        kinds = [one.kind for one in self.trials]
+        if "answer" in kinds:
+            return kinds.index("answer")
+        return min(range(len(kinds)), key=lambda i: self.trials[i].fitness)
 
     def __str__(self) -> str:
         return f"{self.headline} {self.prediction}".rstrip()

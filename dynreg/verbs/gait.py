@@ -7,37 +7,43 @@ from typing import TYPE_CHECKING
 from dynreg.gait.accept import ACCEPT, EACH, USUAL
 from dynreg.progress import Progress
 from dynreg.verbs.settings import Settings, method, option, seed, threads
-from dynreg.verbs.simulators import NOMINAL, OLD, WORDS
+from dynreg.verbs.simulators import NOMINAL, OLD, POSTERIOR, WORDS
 
 if TYPE_CHECKING:
     from dynreg.gait.seek import SearchSettings
     from dynreg.results.gait import Gait
     from dynreg.verbs.subjects import Recorded
 
-POSTERIOR = "posterior"
 SOURCES = (POSTERIOR, *WORDS, NOMINAL, "random", "population")
-# Where a gait is sought: in the query's answer and draws that the recording does not tell from it. What is sought in
-# the answer alone is quick and falls; what must walk in the nearest five (the paper's way) creeps (bench_gait_ways).
+# Where a gait is sought: in the query's answer and draws that the recording cannot tell apart from it. What is sought
+# in the answer alone is quick and falls; what must walk in the nearest five (the paper's way) creeps (bench_gait_ways).
 ON = POSTERIOR
 SEVERAL = ("nearest", "random", "population")  # which mean k simulators
-MANY = 16  # draws of the posterior, the answer with them
+MANY = 16  # simulators of the posterior at most, the answer among them
 MEETS, DOUBT, ROLLOUTS = 4, 0.05, 7500  # of a search in them: see `SearchSettings`
-OF_DRAWS = "mean"  # is maximised: some draws cannot even stand, so the minimum would be 0
-DRAWN = (POSTERIOR, "population")
+# The mean is raised where simulators are drawn. Some draws of the ranges cannot even stand, so the minimum would be 0;
+# with the minimum over draws of the posterior, gaits creep.
+MEAN, DRAWN = "mean", (POSTERIOR, "population")
 
 
 @dataclass(frozen=True)
 class GaitSettings(Settings):
     """The settings of `gait`."""
 
-    k: int = option(5, "Number of neighbours of the query, or of simulators in which the gait must walk.", flag="-k", least=1, shared=True)
+    k: int = option(
+        5,
+        f"Simulators with --on {', '.join(SEVERAL)}; else neighbours of the query.",
+        flag="-k",
+        least=1,
+        shared=True,
+    )
     on: str = option(ON, f"Simulators: {', '.join(SOURCES)}, or their ids with commas between them.", old=OLD)
     method: str = method()
     accept: str | None = option(
         None,
         "Statistic over the simulators that the search maximises.",
         choices=tuple(ACCEPT),
-        usual=f"{USUAL}; with --on {' or '.join(DRAWN)} the {OF_DRAWS}",
+        usual=f"{USUAL}; with --on {' or '.join(DRAWN)} the {MEAN}",
     )
     task: str | None = option(None, "One of the robot's [[tasks]].", usual="its first")
     rollouts: int | None = option(
@@ -57,11 +63,19 @@ class GaitSettings(Settings):
     seed: int = seed()
     threads: int = threads()
 
+    def many(self) -> int:
+        """Most simulators in which the search may run: of draws as many as its rollouts can try finalists in."""
+        from dynreg.gait.seek import AGAIN, FINALISTS, ROUNDS
+
+        if self.on == POSTERIOR:
+            return min(max(int(AGAIN * (self.rollouts or ROLLOUTS)) // (ROUNDS * FINALISTS), 1), MANY)
+        return self.k if self.on in SEVERAL else 1
+
     def search(self, many: int, *, near: bool = False) -> "SearchSettings":
-        """The settings of the search in so many simulators; near a gait that has walked, where each costs one run."""
+        """The settings of the search in so many simulators; near a gait that has walked, one run scores a gait."""
         from dynreg.gait.seek import AGAIN, SearchSettings
 
-        accept = self.accept or (OF_DRAWS if self.on in DRAWN else USUAL)
+        accept = self.accept or (MEAN if self.on in DRAWN else USUAL)
         rollouts, turns = self.rollouts or EACH * many, {}
         if self.on == POSTERIOR:
             rollouts = self.rollouts or (ROLLOUTS // MEETS if near else ROLLOUTS)
@@ -100,6 +114,7 @@ def gait(
     Raises RobotError if the robot has no such task, NoMatchError if no simulator is close enough, UsageError if there
     are too few simulators.
     """
+    from dynreg.gait.near import DOUBT as NEAR
     from dynreg.gait.near import may_stay, seek_near
     from dynreg.gait.seek import expected, seek
     from dynreg.gait.space import gait_space
@@ -114,13 +129,14 @@ def gait(
     robot = asked.robot
     task = task_of(robot, settings.task)
     gait_space(robot, task.motion)  # raises its errors before the registry is read, as too few rollouts do
-    many = settings.k if settings.on in SEVERAL else MANY if settings.on == POSTERIOR else 1
+    many = settings.many()
     settings.search(many).evaluations(many)
     wanted = QuerySettings(k=settings.k, population=settings.population, threads=settings.threads)
-    chosen = choose(asked, settings.on, wanted, settings.seed, progress)
+    chosen = choose(asked, settings.on, wanted, many, settings.seed, progress)
     near = had.walked and may_stay(settings.method)
     search = replace(settings.search(len(chosen.simulators), near=near), tried=had.genes, near=near)
     if near:
+        search = replace(search, doubt=NEAR)
         chosen = with_earlier(asked, chosen, had.simulators)
     known = known_values(robot, asked.recording)
     simulators = simulators_of(robot, [one.config for one in chosen.simulators], known)

@@ -158,7 +158,7 @@ def _expected(grades: np.ndarray) -> GaitExpected:
 
 
 def _notes(sought: Sought, accept: str) -> tuple[str, ...]:
-    """On a gait that the search only chose, and on the simulators in which every tried gait fell."""
+    """On a gait that the search only chose, and on the simulators in which every gait that was tried there fell."""
     notes, helpless = [], sought.helpless
     if sought.packaged is not None:
         number = f"number {sought.packaged + 1} of the gaits in the robot's folder"
@@ -166,5 +166,5 @@ def _notes(sought: Sought, accept: str) -> tuple[str, ...]:
         notes.append(f"this gait is {number}, unchanged: {better}")
     if helpless.any():
         many = f"{helpless.sum()} of {len(helpless)} simulators"
-        notes.append(f"every tried gait fell in {many}: a fall counts as 0 in the {accept}")
+        notes.append(f"every gait that was tried there fell in {many}: a fall counts as 0 in the {accept}")
     return tuple(notes)

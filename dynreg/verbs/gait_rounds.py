@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 from dynreg.errors import BudgetError, LogError, UsageError
 from dynreg.progress import Progress
-from dynreg.verbs.gait import POSTERIOR, GaitSettings
+from dynreg.verbs.gait import GaitSettings
 from dynreg.verbs.next_gait import Next, Tried, had, told_by
 from dynreg.verbs.settings import option
-from dynreg.verbs.simulators import WORDS
+from dynreg.verbs.simulators import POSTERIOR, WORDS
 
 if TYPE_CHECKING:
     from dynreg.gait.tasks import Task

@@ -7,15 +7,14 @@ import numpy as np
 
 from dynreg.errors import NoMatchError, UsageError, command
 from dynreg.neighbours.draws import drawn
-from dynreg.neighbours.query import choose as answered
+from dynreg.neighbours.query import choose as replayed
 from dynreg.progress import Progress
 from dynreg.results.neighbours import Neighbours
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.config import SimConfig
-from dynreg.verbs.gait import MANY, POSTERIOR
 from dynreg.verbs.neighbours import judged
 from dynreg.verbs.query import QuerySettings, query, retrieved
-from dynreg.verbs.simulators import NOMINAL, WORDS, Simulator, own, simulator
+from dynreg.verbs.simulators import NOMINAL, POSTERIOR, WORDS, Simulator, own, simulator
 from dynreg.verbs.subjects import Recorded, population_for
 
 
@@ -29,8 +28,10 @@ class Chosen:
     source: str | None = None
 
 
-def choose(asked: Recorded, on: str, settings: QuerySettings, seed: int, progress: Progress | None) -> Chosen:
-    """The simulators that `on` names: `settings.k` of them, or the listed ones.
+def choose(
+    asked: Recorded, on: str, settings: QuerySettings, many: int, seed: int, progress: Progress | None
+) -> Chosen:
+    """The simulators that `on` names: `settings.k` of them, or the listed ones. many : of the posterior, at most.
 
     Words that refer to a query run it again with `settings`. Raises NoMatchError if no simulator is close enough or a
     name is unknown, UsageError if a simulator is of another robot or there are too few.
@@ -38,7 +39,7 @@ def choose(asked: Recorded, on: str, settings: QuerySettings, seed: int, progres
     if on in _MADE:
         return _MADE[on](asked, settings, seed)
     if on == POSTERIOR:
-        return _posterior(asked, settings, seed, progress)
+        return _posterior(asked, settings, many, seed, progress)
     if on in WORDS and WORDS[on].made_by == "query":
         found = _close_enough(asked, settings, progress)
         if on == "nearest":
@@ -85,14 +86,19 @@ def _kept(asked: Recorded, found: Neighbours) -> Neighbours:
     return found
 
 
-def _posterior(asked: Recorded, settings: QuerySettings, seed: int, progress: Progress | None) -> Chosen:
-    """The query's answer, and draws of the parameters that the recording leaves open."""
+def _posterior(
+    asked: Recorded, settings: QuerySettings, many: int, seed: int, progress: Progress | None
+) -> Chosen:
+    """The query's answer, and draws that the recording cannot tell apart from it."""
     subject = retrieved(asked, settings, progress)
-    found = answered(subject.case, subject.found, subject.spending)
-    _kept(asked, judged(subject, found))
-    values = drawn(subject.case, found, MANY, stream_seed(seed, "gait simulators"))
-    made, source = _made(asked, values, POSTERIOR), asked.registry.latest("neighbours", asked.recording.id).id
-    return replace(made, source=source)
+    found = replayed(subject.case, subject.found, subject.spending)
+    answer = _kept(asked, judged(subject, found)).answer
+    values = drawn(subject.case, found, many, stream_seed(seed, "gait simulators"))
+    made, source = (
+        _made(asked, values[1:], POSTERIOR),
+        asked.registry.latest("neighbours", asked.recording.id),
+    )
+    return Chosen(POSTERIOR, ("answer", *made.kinds), (*_named(asked, [answer]), *made.simulators), source.id)
 
 
 def _nominal(asked: Recorded, settings: QuerySettings, seed: int) -> Chosen:

@@ -63,7 +63,7 @@ def genes_of(gait: Gait) -> dict[str, float]:
 
 
 def trials_of(registry: Registry, gait: Gait, seconds: float, rate: float) -> tuple[Trials, int]:
-    """Trials of `seconds` at `rate` [Hz] in the simulators of a gait, and the index of that with the lowest fitness.
+    """Trials of `seconds` at `rate` [Hz] in the simulators of a gait, and the index of the one that shows it.
 
     Raises NoMatchError if the robot or a simulator is not in the registry.
     """
@@ -74,7 +74,7 @@ def trials_of(registry: Registry, gait: Gait, seconds: float, rate: float) -> tu
         replace(simulator(registry, t.simulator, robot).config, values=t.parameters) for t in gait.trials
     ]
     trials = Trials(robot, task, simulators_of(robot, configs), rate=rate, seed=gait.seed)
-    return trials, min(range(len(configs)), key=lambda i: gait.trials[i].fitness)
+    return trials, gait.shown
 
 
 def trial_of(registry: Registry, recording: Recording, ref: str, robot: Robot) -> Recording:

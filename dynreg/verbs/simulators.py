@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dynreg.sim.config import SimConfig
     from dynreg.sim.robot import Robot
 
-NOMINAL = "nominal"
+NOMINAL, POSTERIOR = "nominal", "posterior"
 Document = Mapping[str, Any]
 
 

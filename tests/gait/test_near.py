@@ -7,7 +7,8 @@ import pytest
 
 from dynreg.gait.near import DOUBT, SHARES, STEP, between, farthest, may_stay, seek_near
 from dynreg.gait.seek import Finals, SearchSettings
-from dynreg.gait.trials import Trials
+from dynreg.gait.tasks import task_of
+from dynreg.gait.trials import Simulators, Trials
 from dynreg.search.table import SEARCHES
 
 NEAR = [method for method in SEARCHES if may_stay(method)]
@@ -21,7 +22,10 @@ def begun(trials: Trials) -> tuple[float, ...]:
 
 def settings_of(trials: Trials, method: str = "cma", **how) -> SearchSettings:
     return SearchSettings(
-        method, **({"rollouts": 150, "again": 0.2, "seed": 3} | how), tried=(begun(trials),), near=True
+        method,
+        **({"rollouts": 150, "again": 0.2, "seed": 3, "doubt": DOUBT} | how),
+        tried=(begun(trials),),
+        near=True,
     )
 
 
@@ -42,8 +46,8 @@ def test_simulators_take_turns_and_what_is_tried_is_near(method: str, trials, mo
         turns[::2], turns[1::2], strict=False
     ):  # both in each round, in an order of its own
         assert sorted([*first[1]["only"], *second[1]["only"]]) == [0, 1]
-    rounds = [tuple(first[1]["only"]) for first in turns[::2]]
-    assert len({*rounds}) == 2 or len(rounds) < 5
+    first = [k["only"][0] for _, k in turns[::2]]
+    assert first == [trials.turn(2 * number, 1)[0] for number in range(len(first))]
     draws = [k["first"] for _, k in turns]
     assert len({*draws}) == len(draws)  # other noise and other parameters for each batch
     space = trials.space
@@ -102,15 +106,28 @@ def test_of_the_way_as_much_is_gone_as_gains_most_on_average_over_all_draws(tria
         return out
 
     monkeypatch.setattr(trials, "again", graded)
-    best, finals = farthest(trials, "min", points, 4)
+    best, finals = farthest(trials, SearchSettings(accept="min", doubt=DOUBT), points, 4)
     assert np.array_equal(best, points[2]) and finals == Finals(8, 0, 1.1)  # the other gains 2.0
-    best, finals = farthest(trials, "mean", points, 4)
+    best, finals = farthest(trials, SearchSettings(accept="mean", doubt=DOUBT), points, 4)
     assert np.array_equal(best, points[4]) and (finals.falls, finals.value) == (4, 6.0)
     there[1:] = 0.1  # all are worse: the robot still gets another gait than it has had
-    assert np.array_equal(farthest(trials, "min", points, 4)[0], points[1])
-    assert np.array_equal(farthest(trials, "min", points, 0)[0], points[2])  # few rollouts: half of the way
+    assert np.array_equal(
+        farthest(trials, SearchSettings(accept="min", doubt=DOUBT), points, 4)[0], points[1]
+    )
+    assert np.array_equal(
+        farthest(trials, SearchSettings(accept="min", doubt=DOUBT), points, 0)[0], points[2]
+    )  # few rollouts: half of the way
 
 
 def test_few_rollouts_are_not_exceeded(trials) -> None:
     found = seek_near(trials, settings_of(trials, rollouts=22))
     assert found.finals is None and trials.space.problems(found.genes) == () and trials.rollouts <= 24
+
+
+def test_of_many_simulators_each_meets_the_points_of_the_way_once(brief) -> None:
+    """Where a fifth of the rollouts does not suffice for one draw of all points in all of them."""
+    values = brief.space.sample(0, 7, 5)
+    trials = Trials(brief, task_of(brief), Simulators(values), rate=brief.rate, threads=1)
+    found = seek_near(trials, settings_of(trials, rollouts=150))
+    assert found.finals.runs == 7 and trials.rollouts <= 150 + 7
+    assert seek_near(trials, settings_of(trials, rollouts=60)).finals is None

@@ -9,6 +9,7 @@ from dynreg import session
 from dynreg.errors import NoMatchError
 from dynreg.results import Gait
 from dynreg.session import Session
+from dynreg.verbs.gait import GaitSettings
 
 HOW = {"k": 2, "rollouts": 400, "threads": 1}
 
@@ -30,7 +31,8 @@ def found(opened: Session) -> Gait:
 def test_it_is_sought_in_the_answer_and_draws_about_it(found: Gait, opened: Session) -> None:
     answer = opened.registry.latest("neighbours")
     assert found.on == "posterior" and found.source == answer.id and found.accept == "mean"
-    assert found.value == found.fitness.mean and 1 < found.k <= 16
+    assert found.value == found.fitness.mean and found.k == GaitSettings(rollouts=400).many() == 6
+    assert found.finals.runs > found.k and found.evaluations > 400 / found.k  # they took turns
     first, *others = (t.parameters for t in found.trials)
     told = answer.document["answer_parameters"]
     assert {n: v for n, v in first.items() if n != "action_rate"} == pytest.approx(
@@ -39,8 +41,11 @@ def test_it_is_sought_in_the_answer_and_draws_about_it(found: Gait, opened: Sess
     assert all(p["torque"] != first["torque"] for p in others)
     assert {p["action_rate"] for p in (first, *others)} == {found.rate}  # known from the log
     assert (
-        found.cost.rollouts <= HOW["rollouts"] + found.k + 48
-    )  # its last run, and those that predict a trial
+        found.cost.rollouts <= HOW["rollouts"] + 8 * found.k
+    )  # the answer's own run, and seven that predict a trial
+    assert [t.kind for t in found.trials] == ["answer", *["posterior"] * 5]
+    assert found.trials[0].simulator == answer.document["answer"] and found.shown == 0
+    assert "on average in 6 simulators" in found.brief()
     lineage = opened.registry.simulator(found.trials[1].simulator)["lineage"]
     assert lineage == {"made_by": "gait", "kind": "posterior"}
 
