@@ -1,11 +1,12 @@
 """A gait for the robot of a log: query, search, export.
 
-python examples/train_gait.py LOG... [--registry FOLDER] [--n 1000] [--rollouts 7500] [--to gait.py]
+python examples/train_gait.py LOG... [--registry FOLDER] [--n 1000] [--rollouts N] [--to gait.py]
 """
 
 import argparse
 
 import dynreg
+from dynreg.verbs.gait import ON
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -14,9 +15,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("logs", nargs="+")
     parser.add_argument("--robot", default="quadruped")
     parser.add_argument("--registry", default="dynreg-registry")
-    parser.add_argument("--on", default="posterior")
+    parser.add_argument("--on", default=ON)
     parser.add_argument("--n", type=int, default=1000)
-    parser.add_argument("--rollouts", type=int, default=7500)
+    parser.add_argument("--rollouts", type=int, help="[as many as the command has]")
     parser.add_argument("--to", default="gait.py")
     given = parser.parse_args(arguments)
     with dynreg.open(given.registry) as registry:

@@ -127,7 +127,8 @@ def export(
 
     --as csv of a plan of `dynreg navigate`, by its id: its commands, with when each begins and how long it holds.
 
-    --as gif, png: a picture of a gait in the simulator in which it walks least. A gait as foxglove is its run there.
+    --as gif, png: a picture of a gait in the query's answer, else in the simulator in which it walks least. A gait as
+    foxglove is its run there.
 
     @last is the last recording, but for gaits. `dynreg list --kind result` shows the ids of results.
 

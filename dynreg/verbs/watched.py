@@ -59,7 +59,7 @@ def is_run(registry: Registry, ref: str) -> bool:
 
 
 def _walk(registry: Registry, gait: Gait) -> Frames:
-    """A gait in the simulator in which it walks least."""
+    """A gait in the simulator that shows it."""
     trials, least = trials_of(registry, gait, gait.seconds, gait.rate)
     model, poses = trials.poses(told(trials.space, genes_of(gait), gait, trials.times), least)
     known = np.isfinite(poses).all(axis=1)
