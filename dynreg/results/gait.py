@@ -142,9 +142,9 @@ class Gait(Result):
     were chosen. source : the stored result that named them. value : the objective of the search, `accept` over
     `trials` (one run in each simulator). finals : the runs that chose among the best gaits; null if there were
     none. expected : of a trial on the robot; null in results of older versions. packaged : number, from 1, of
-    the robot's own gait ([[gait.start]]) that this is, unchanged; null of a new gait. succeeded : the gait
-    reached `success` in all simulators, and fell neither there nor in the finals. ended : why the search ended.
-    notes : further remarks.
+    the robot's own gait ([[gait.start]]) that this is, unchanged; null of a new gait. succeeded : the value
+    reached `success`, and the gait fell neither there nor in the finals; where the mean or the quartile counts, in
+    no more than one of ten such runs. ended : why the search ended. notes : further remarks.
     """
 
     schema_: Literal["dynreg/gait/2"] = Field(default="dynreg/gait/2", alias="schema")

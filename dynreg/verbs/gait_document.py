@@ -10,12 +10,12 @@ import numpy as np
 
 from dynreg.gait.accept import ACCEPT
 from dynreg.gait.play import joints
-from dynreg.gait.seek import SearchSettings, Sought, Walked
+from dynreg.gait.seek import Finals, SearchSettings, Sought, Walked
 from dynreg.gait.table import JointTable
 from dynreg.gait.tasks import fell, fitness
 from dynreg.gait.trials import Trials
 from dynreg.gait.ways import ways
-from dynreg.results.gait import Fitness, Gait, GaitExpected, GaitGene, GaitStep, GaitTable, GaitTrial
+from dynreg.results.gait import OFTEN, Fitness, Gait, GaitExpected, GaitGene, GaitStep, GaitTable, GaitTrial
 from dynreg.results.result import Cost
 from dynreg.results.trials import rate
 from dynreg.sim.robot import Robot
@@ -62,7 +62,6 @@ def document(
         unseen,
         seconds,
         accept=search.accept,
-        falls=finals.falls if finals else 0,
         recording=recording[0],
         recording_name=recording[1],
         finals=finals,
@@ -86,18 +85,20 @@ def described(
     seconds: float,
     *,
     accept: str,
-    falls: int = 0,
+    finals: Finals | None = None,
     **how: Any,
 ) -> Gait:
     """The document of a gait: what it is, and what it does in simulators.
 
     unseen : (n,) its grades in runs that no choice has seen. seconds : wall time. accept : statistic over the
-    simulators that is its value. falls : in other runs that chose it. how : the other fields, which say how the gait
+    simulators that is its value. finals : the runs that chose it. how : the other fields, which say how the gait
     was found.
     """
     task, space = trials.task, trials.space
     values = {name: float(of(walked.fitness[None])[0]) for name, of in ACCEPT.items()}
-    stood = not walked.fell.any() and not falls
+    runs = len(walked.fell) + (finals.runs if finals else 0)
+    falls = int(walked.fell.sum()) + (finals.falls if finals else 0)
+    stood = falls <= (0 if accept == "min" else OFTEN * runs)
     return Gait(
         robot=robot.name,
         robot_hash=robot.hash,
@@ -121,7 +122,8 @@ def described(
         value=values[accept],
         fitness=Fitness(**values),
         expected=_expected(unseen),
-        succeeded=bool(stood and values["min"] >= task.success),
+        succeeded=bool(stood and values[accept] >= task.success),
+        finals=finals,
         trials=_trials(chosen, trials, walked),
         cost=Cost(evaluations=0, rollouts=trials.rollouts, seconds=seconds),
         **how,

@@ -212,6 +212,29 @@ def test_a_gait_says_what_a_trial_may_bring(found: Gait) -> None:
     assert older.prediction == "" and "A trial on the robot" not in str(older)
 
 
+def test_where_the_mean_counts_one_run_in_ten_may_fall(opened: Session, monkeypatch) -> None:
+    from dynreg.gait import seek
+
+    falls = {}
+
+    def finished(trials, settings, finalists, rounds):
+        return finalists[0], seek.Finals(38, falls["now"], 0.4)
+
+    monkeypatch.setattr(seek, "best_again", finished)
+    seen = {}
+    for accept, count in (("mean", 3), ("mean", 4), ("min", 0), ("min", 1)):
+        falls["now"] = count
+        found = opened.gait("log", on="nominal", rollouts=150, accept=accept, threads=1)
+        seen[accept, count] = found.succeeded, found.value >= found.success and not found.trials[0].fell
+    assert all(fine for _, fine in seen.values())
+    assert {how: done for how, (done, _) in seen.items()} == {
+        ("mean", 3): True,
+        ("mean", 4): False,
+        ("min", 0): True,
+        ("min", 1): False,
+    }
+
+
 def test_a_gait_that_mostly_falls_is_no_success(found: Gait) -> None:
     falls = found.expected.model_copy(update={"runs": 40, "falls": 30})
     stands = found.expected.model_copy(update={"runs": 40, "falls": 4})
