@@ -33,7 +33,7 @@ DRAWS = 2  # of the first round, over all simulators
 FINALISTS = 4  # at least, or none is tried again
 DOUBT = 0.03  # of the ranges, 1 sigma, by which parameters move then: no simulator is the robot
 # Runs of the answer that no choice has seen; they begin at a draw that no round of finals reaches.
-EXPECTED, UNSEEN = 40, 1_000_000
+EXPECTED, UNSEEN = 40, 10_000
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from dynreg.sim.run import Run, Walk, motor_noise
 if TYPE_CHECKING:
     from mujoco import MjModel
 
-TURNS = 1_000  # draws from here on are those of simulators that take turns
+TURNS = range(1_000, 10_000)  # draws of simulators that take turns; after so many batches they come again
 LEAST_RATE = 4.0  # commands in a period of the fastest gait, below which what is told is not the gait
 
 
@@ -158,7 +158,9 @@ class Trials:
         So a gait costs `each` runs, however many simulators there are. doubt : see `again` (domain randomisation: Tobin
         et al., arXiv 1703.06907).
         """
-        return self.again(genes, 1, first=TURNS + batch, doubt=doubt, only=self.turn(batch, each))[:, 0]
+        return self.again(
+            genes, 1, first=TURNS[batch % len(TURNS)], doubt=doubt, only=self.turn(batch, each)
+        )[:, 0]
 
     def poses(self, actions: np.ndarray, simulator: int) -> "tuple[MjModel, np.ndarray]":
         """The MuJoCo model of a simulator (its number), and its poses (T+1, nq) under joint commands (T, A)."""

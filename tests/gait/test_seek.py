@@ -8,7 +8,17 @@ import pytest
 
 from dynreg.errors import RobotError, UsageError
 from dynreg.gait.accept import ACCEPT
-from dynreg.gait.seek import DOUBT, Finals, SearchSettings, Sought, best_again, expected, search_of, seek
+from dynreg.gait.seek import (
+    DOUBT,
+    UNSEEN,
+    Finals,
+    SearchSettings,
+    Sought,
+    best_again,
+    expected,
+    search_of,
+    seek,
+)
 from dynreg.gait.tasks import fell as fallen
 from dynreg.gait.tasks import fitness, task_of
 from dynreg.gait.trials import TURNS, Simulators, Trials, simulators_of
@@ -311,7 +321,7 @@ def test_simulators_take_turns_and_each_batch_meets_some(brief, monkeypatch) -> 
     assert not found.helpless.any()
     alone = trials.in_turn(first_gaits(trials), 3, 2, 0.07)
     assert np.array_equal(
-        alone, trials.again(first_gaits(trials), 1, first=TURNS + 3, doubt=0.07)[:, 0, trials.turn(3, 2)]
+        alone, trials.again(first_gaits(trials), 1, first=TURNS[3], doubt=0.07)[:, 0, trials.turn(3, 2)]
     )
 
 
@@ -353,3 +363,14 @@ def test_a_simulator_whose_turn_never_came_is_not_called_helpless(brief) -> None
     found = seek(trials, settings)
     helpless = {n for n in range(6) if found.helpless[n]}
     assert helpless == {n for batch in range(2) for n in trials.turn(batch, 2)} and len(helpless) < 6
+
+
+def test_runs_that_predict_a_trial_are_no_draws_of_a_turn(brief) -> None:
+    assert TURNS.stop <= UNSEEN and len(TURNS) > 1000
+    trials, genes = many_simulators(brief), first_gaits(many_simulators(brief), 1)
+    first = trials.in_turn(genes, 0, 6, 0.1)
+    later = trials.in_turn(
+        genes, len(TURNS), 6, 0.1
+    )  # 36 rounds of turns fit: the same noise, in another order
+    order = [trials.turn(len(TURNS), 6).index(number) for number in trials.turn(0, 6)]
+    assert np.array_equal(first[:, :], later[:, order])
