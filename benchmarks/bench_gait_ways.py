@@ -33,7 +33,7 @@ from dynreg.gait.trials import Trials
 from dynreg.sim.real import Budget, Spent
 from dynreg.sim.robot import load_robot
 from dynreg.timed.compare import holm
-from dynreg.verbs.gait import DOUBT, MEETS, MEAN, ROLLOUTS
+from dynreg.verbs.gait import DOUBT, MEAN, MEETS, ROLLOUTS
 
 REPORT = 20270112
 ROBOTS = 12
