@@ -155,3 +155,12 @@ def test_a_plan_draws_its_path_some_drives_and_its_places() -> None:
     assert [*visited.get_xdata()] == pytest.approx([0.35, 0.65, 0.65, 0.35, 0.35])
     assert [*missed.get_ydata()] == pytest.approx([-0.35, -0.35, -0.05, -0.05, -0.35])
     assert visited.get_color() != missed.get_color() and place.get_ylabel() == "to the left [m]"
+
+
+def test_the_querys_answer_shows_a_gait_and_without_it_the_simulator_in_which_it_walks_least() -> None:
+    found = made_up_gait.gait(fell=True)
+    assert found.shown == 2
+    first, second, third = found.trials
+    for number, trials in enumerate(((first, second, third), (second, first, third))):
+        trials = tuple(t.model_copy(update={"kind": "answer" if t is first else "posterior"}) for t in trials)
+        assert found.model_copy(update={"trials": trials}).shown == number

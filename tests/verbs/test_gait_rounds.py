@@ -16,9 +16,11 @@ from dynreg import session
 from dynreg.data.recording import Recording
 from dynreg.errors import LogError, MapError, NoMatchError, UsageError
 from dynreg.gait.logged import LoggedRobot
+from dynreg.gait.near import DOUBT as NEAR
 from dynreg.gait.play import commands
 from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import fitness, task_of
+from dynreg.gait.trials import Trials
 from dynreg.report.tables import render
 from dynreg.results import Gait, GaitRounds, Neighbour
 from dynreg.session import Session
@@ -102,7 +104,11 @@ def test_each_trials_log_tells_where_the_next_gait_is_sought(
     assert told == [(), (genes[0],), (genes[best], genes[other])]
 
 
-def test_once_a_gait_walked_the_next_is_sought_near_it_in_the_simulators_of_all_logs(opened, brief) -> None:
+def test_once_a_gait_walked_the_next_is_sought_near_it_in_the_simulators_of_all_logs(
+    opened, brief, monkeypatch
+) -> None:
+    again, own = [], Trials.again
+    monkeypatch.setattr(Trials, "again", lambda self, *a, **how: again.append(how) or own(self, *a, **how))
     asked = recorded(opened.registry, "log", ingest=True)
     settings = GaitSettings(on="synthesised", rollouts=150, threads=1, packaged=False)
     space = gait_space(brief)
@@ -110,6 +116,8 @@ def test_once_a_gait_walked_the_next_is_sought_near_it_in_the_simulators_of_all_
     newest, earlier = opened.ids[1], opened.ids[0]  # as the fixture's query tells of "log" and of a trial
     told = lambda walked: Had((best, other), walked, (newest, earlier, earlier))  # noqa: E731
     near = seek(asked, settings, had=told(walked=True))
+    moved = [how["doubt"] for how in again if how.get("doubt")]
+    assert set(moved) == {NEAR}  # in the search, on the way and in what a trial may bring
     assert [t.simulator for t in near.trials] == [newest, earlier] and near.seed == settings.seed
     assert near.cost.rollouts <= 150 + 2 + 40  # a gait costs a run, and 40 in all tell what it may bring
     assert [t.simulator for t in seek(asked, settings, had=told(walked=False)).trials] == [newest]
