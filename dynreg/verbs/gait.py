@@ -104,7 +104,7 @@ def gait(
     *,
     had: Had = Had(),  # noqa: B008  frozen
 ) -> "Gait":
-    """Search for a gait that walks in the query's answer and in draws about it.
+    """Search for a gait that walks in the query's simulators.
 
     The gait is stored. An interrupted search resumes with --resume. With --trial, gaits are tried on the robot in turn,
     and the trials' logs tell in which simulators the next one is sought.
