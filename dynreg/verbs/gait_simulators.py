@@ -56,7 +56,7 @@ def with_earlier(asked: Recorded, chosen: Chosen, ids: Sequence[str]) -> Chosen:
     """The chosen simulators, and those that were chosen by the same word before (their ids), each once."""
     has = {one.id for one in chosen.simulators}
     more = _named(asked, [i for i in dict.fromkeys(ids) if i not in has])
-    kinds = (*chosen.kinds, *chosen.kinds[:1] * len(more))
+    kinds = (*chosen.kinds, *chosen.kinds[-1:] * len(more))
     return replace(chosen, kinds=kinds, simulators=(*chosen.simulators, *more))
 
 
@@ -94,11 +94,9 @@ def _posterior(
     found = replayed(subject.case, subject.found, subject.spending)
     answer = _kept(asked, judged(subject, found)).answer
     values = drawn(subject.case, found, many, stream_seed(seed, "gait simulators"))
-    made, source = (
-        _made(asked, values[1:], POSTERIOR),
-        asked.registry.latest("neighbours", asked.recording.id),
-    )
-    return Chosen(POSTERIOR, ("answer", *made.kinds), (*_named(asked, [answer]), *made.simulators), source.id)
+    source = asked.registry.latest("neighbours", asked.recording.id).id
+    made = _made(asked, values[1:], POSTERIOR)
+    return Chosen(POSTERIOR, ("answer", *made.kinds), (*_named(asked, [answer]), *made.simulators), source)
 
 
 def _nominal(asked: Recorded, settings: QuerySettings, seed: int) -> Chosen:

@@ -29,8 +29,10 @@ from dynreg.sim.real import Budget, SimulatedRobot, Spent
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.verbs.gait import GaitSettings, Had
 from dynreg.verbs.gait import gait as seek
+from dynreg.verbs.gait_simulators import Chosen, with_earlier
 from dynreg.verbs.gaits import genes_of
 from dynreg.verbs.next_gait import Tried, had
+from dynreg.verbs.simulators import simulator
 from dynreg.verbs.subjects import recorded
 from dynreg.verbs.trial_folder import MCAP_END, TrialFolder
 
@@ -121,6 +123,14 @@ def test_once_a_gait_walked_the_next_is_sought_near_it_in_the_simulators_of_all_
     assert [t.simulator for t in near.trials] == [newest, earlier] and near.seed == settings.seed
     assert near.cost.rollouts <= 150 + 2 + 40  # a gait costs a run, and 40 in all tell what it may bring
     assert [t.simulator for t in seek(asked, settings, had=told(walked=False)).trials] == [newest]
+
+
+def test_simulators_of_earlier_logs_are_no_answers_of_this_one(opened, brief) -> None:
+    asked = recorded(opened.registry, "log", ingest=True)
+    one, two = (simulator(opened.registry, i, brief) for i in opened.ids)
+    chosen = Chosen("posterior", ("answer", "posterior"), (one, one))
+    more = with_earlier(asked, chosen, (one.id, two.id))
+    assert more.kinds == ("answer", "posterior", "posterior") and more.simulators[2].id == two.id
 
 
 def test_the_best_gait_walked_where_it_stood_and_reached_what_counts_as_success(opened, brief) -> None:
