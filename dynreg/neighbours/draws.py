@@ -6,6 +6,8 @@ parameters of which the recording tells nothing keep the width of their ranges, 
 move together. The motor noise is drawn, too, for replays run without it.
 
 The widest that replay as well are taken: they are no fair sample of a posterior, but what it must not be without.
+Replays begin at the measured start states, with their errors. These are in all errors alike, so the noisier the start
+states, the more draws will do: the safer side.
 """
 
 import numpy as np
@@ -39,20 +41,15 @@ def drawn(case: Case, chosen: Choice, many: int, seed: int) -> np.ndarray:
     unit = np.tile(answer, (len(WIDTHS), EACH, 1))
     unit[..., free] = _folded(answer[free] + np.array(WIDTHS)[:, None, None] * moves)
     values = [answer[None], *unit]
-    error = np.concatenate([_errors(case, chosen, one, stage) for stage, one in enumerate(values)])
+    error = np.concatenate([_errors(case, one, stage) for stage, one in enumerate(values)])
     alike = np.flatnonzero(error[1:] <= TOLERANCE * error.min()) + 1
     return case.data.values_of(np.concatenate(values)[[0, *alike[: many - 1]]])
 
 
-def _errors(case: Case, chosen: Choice, unit: np.ndarray, stage: int) -> np.ndarray:
-    """(n,) errors of unit parameters (n, P), judged as the answer was: without what errors of start states explain."""
-    made = chosen.synthesis
-    found = case.replayer.residuals(
-        case.data.values_of(unit), case.data.parts.chosen, None if made is None else made.initial
-    )
+def _errors(case: Case, unit: np.ndarray, stage: int) -> np.ndarray:
+    """(n,) errors of unit parameters (n, P) from the measured start states."""
+    found = case.replayer.residuals(case.data.values_of(unit), case.data.parts.chosen)
     case.report("draw", stage, len(WIDTHS))
-    if made is not None and made.start is not None:
-        found = made.start.removed(found)
     return errors(found).mean(axis=1)
 
 

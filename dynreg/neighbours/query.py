@@ -99,12 +99,12 @@ class Choice:
     candidates : the nominal, what was found, and what was made of it, if anything was; replays : their parameters and
     errors. begun : how many of them before the synthesis. spent : simulators run to choose. nearest : the k nearest
     entries. best : of the entries; made : what was made, else the guess, None without either; answer : the best of
-    nominal, entries and `made`, whose search begins with the guess. intervals : of the parameters of `made`; posterior
-    : of the free ones, None without it. synthesis : the search that made it, None without one. tests : (W_test,) errors
-    by simulator. judged : (W',) windows that judge, the test part where there is one, in which nominal and answer have
-    states (2, W', T+1, S) and errors by channel (2, S).
-    judgement : whether the answer errs as those of robots of the family would. rollouts : those of the choice, and all
-    that was run for the retrieval, the intervals and the motor noise; not twins of the judgement.
+    nominal, entries and `made`, whose search begins with the guess. intervals : of the parameters of `made`;
+    posterior : of the free ones, None without it. tests : (W_test,) errors by simulator. judged : (W',) windows that
+    judge, the test part where there is one, in which nominal and answer have states (2, W', T+1, S) and errors by
+    channel (2, S).
+    judgement : whether the answer errs as those of robots of the family would. rollouts : those of
+    the choice, and all that was run for the retrieval, the intervals and the motor noise; not twins of the judgement.
     """
 
     candidates: tuple[Candidate, ...]
@@ -117,7 +117,6 @@ class Choice:
     answer: int
     intervals: dict[str, Interval]
     posterior: Gaussian | None
-    synthesis: Made | None
     tests: dict[int, np.ndarray]
     judged: np.ndarray
     states: np.ndarray
@@ -165,7 +164,6 @@ def choose(case: Case, found: Retrieved, spending: Spending) -> Choice:
         answer=answer,
         intervals=intervals,
         posterior=posterior,
-        synthesis=synthesis,
         tests=dict(zip(told, tests, strict=True)),
         judged=judged,
         states=states,

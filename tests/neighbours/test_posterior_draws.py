@@ -36,10 +36,10 @@ def linear() -> tuple[SimpleNamespace, SimpleNamespace]:
     unit[:, HELD] = TRUTH[HELD]
     free, windows = np.arange(len(SPACE)) != HELD, np.arange(4)
     replays = replays_of(SPACE, free, np.ones(4, dtype=bool), unit, residuals(unit))
-    replayer = SimpleNamespace(residuals=lambda values, chosen, initial: residuals(SPACE.to_unit(values)))
+    replayer = SimpleNamespace(residuals=lambda values, chosen: residuals(SPACE.to_unit(values)))
     data = SimpleNamespace(values_of=SPACE.from_unit, parts=SimpleNamespace(chosen=windows))
     case = SimpleNamespace(replayer=replayer, data=data, report=lambda *_: None)
-    return case, SimpleNamespace(replays=replays, answer=0, synthesis=None)
+    return case, SimpleNamespace(replays=replays, answer=0)
 
 
 def test_what_a_log_tells_is_kept_and_what_it_does_not_stays_open(linear) -> None:
@@ -66,24 +66,6 @@ def test_the_same_seed_draws_the_same_and_few_are_the_first_of_many(linear) -> N
 def test_where_no_draw_replays_as_well_the_answer_stands_alone(linear, monkeypatch) -> None:
     monkeypatch.setattr("dynreg.neighbours.draws.TOLERANCE", 0.0)
     assert len(drawn(*linear, 16, 1)) == 1
-
-
-def test_draws_are_judged_without_what_errors_of_the_start_states_explain(linear) -> None:
-    """An error of the start states that all replays share would hide what the log tells."""
-    case, chosen = linear
-    begun = []
-    shared = SimpleNamespace(
-        residuals=lambda values, windows, initial: (
-            begun.append(initial) or residuals(SPACE.to_unit(values)) + 3.0
-        )
-    )
-    start = SimpleNamespace(removed=lambda found: found - 3.0)
-    known = SimpleNamespace(**vars(chosen) | {"synthesis": SimpleNamespace(start=start, initial="better")})
-    noisy = SimpleNamespace(**vars(case) | {"replayer": shared})
-    told = drawn(noisy, known, 16, 1)
-    assert told == pytest.approx(drawn(case, chosen, 16, 1)) and {*begun} == {"better"}
-    blind = errors(residuals(SPACE.to_unit(drawn(noisy, chosen, 16, 1)))).mean(axis=1)
-    assert blind.max() > TOLERANCE * blind.min()
 
 
 def test_a_draw_that_replays_better_than_the_answer_sets_the_measure(linear) -> None:
@@ -113,7 +95,5 @@ def test_of_a_secret_servo_draws_err_no_more_than_the_tolerance_allows(servos) -
     assert len(values) > 1 and np.array_equal(
         values[0], case.data.values_of(chosen.replays.unit[chosen.answer])
     )
-    made, windows = chosen.synthesis, case.data.parts.chosen
-    raw = case.replayer.residuals(values, windows, made.initial)
-    found = errors(made.start.removed(raw)).mean(axis=1)
+    found = errors(case.replayer.residuals(values, case.data.parts.chosen)).mean(axis=1)
     assert (found <= TOLERANCE * found[0]).all() and len({*found}) == len(found)
