@@ -2,7 +2,7 @@
 
 `nearest` : the query's k nearest. `noisy` : these with the motor noise that its answer tells from the log, in place of
 their own. `synthesised` : its one answer. `pulled` : this and neighbours, each moved most of the way to it.
-`posterior` : this and draws that the log does not tell from it (`neighbours.draws`), other ones for each search.
+`posterior` : this and draws that the log cannot tell apart from it (`neighbours.draws`), others for each search.
 `hand` : see `hand_tuned`.
 """
 

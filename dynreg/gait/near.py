@@ -32,11 +32,13 @@ def seek_near(trials: Trials, settings: SearchSettings, **followed: Unpack[Follo
     usually). So the search finds which way gaits get better in all. How far to go, `farthest` says.
     """
     space, k, kind = trials.space, len(trials.simulators), SEARCHES[settings.method]
-    points = len(SHARES) * k
-    draws = int(settings.again * settings.rollouts) // points
-    if settings.again and not draws and 4 * points <= settings.rollouts:
+    each = (
+        len(SHARES) * k
+    )  # runs of one draw of noise and parameters: of all points of the way, in every simulator
+    draws = int(settings.again * settings.rollouts) // each
+    if settings.again and not draws and 4 * each <= settings.rollouts:
         draws = 1  # of so many simulators one draw tells enough
-    evaluations = settings.rollouts - draws * len(SHARES) * k
+    evaluations = settings.rollouts - draws * each
     begin = space.to_unit(np.array(settings.tried[:1]))[0]
     rng, steps = stream(settings.seed, "gait near", settings.method), np.full(len(space), STEP)
     search = kind.begin(Start(len(space), rng, kind.batch, begin, space.periodic, steps))

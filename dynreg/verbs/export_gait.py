@@ -59,11 +59,11 @@ def _data(registry: Registry, gait: Gait, recording: Recording | None, form: str
         return FORMS[form](gait)
     if recording is not None:
         return mcap(_beside(registry, gait, recording))
-    trials, least = trials_of(registry, gait, gait.seconds, gait.rate)
+    trials, shown = trials_of(registry, gait, gait.seconds, gait.rate)
     commands = told(trials.space, genes_of(gait), gait, trials.times)
     if form == RUN:
-        return mcap(rerun(trials, least, commands))
-    model, poses = trials.poses(commands, least)
+        return mcap(rerun(trials, shown, commands))
+    model, poses = trials.poses(commands, shown)
     return draw(
         model, poses, gait.rate, moments(gait.seconds, form, gait.table.period or gait.table.times[-1]), form
     )
@@ -75,6 +75,6 @@ def _beside(registry: Registry, gait: Gait, recording: Recording) -> list[Topic]
     for episode in recording.episodes:
         if len(episode.time) > 1:
             rate = rate_of(episode, gait.rate)
-            trials, least = trials_of(registry, gait, (len(episode.time) - 1) / rate, rate)
-            out += beside(trials, least, recording, episode)
+            trials, shown = trials_of(registry, gait, (len(episode.time) - 1) / rate, rate)
+            out += beside(trials, shown, recording, episode)
     return joined(out)

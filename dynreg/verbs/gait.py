@@ -73,6 +73,7 @@ class GaitSettings(Settings):
 
     def search(self, many: int, *, near: bool = False) -> "SearchSettings":
         """The settings of the search in so many simulators; near a gait that has walked, one run scores a gait."""
+        from dynreg.gait.near import DOUBT as NEAR
         from dynreg.gait.seek import AGAIN, SearchSettings
 
         accept = self.accept or (MEAN if self.on in DRAWN else USUAL)
@@ -80,6 +81,8 @@ class GaitSettings(Settings):
         if self.on == POSTERIOR:
             rollouts = self.rollouts or (ROLLOUTS // MEETS if near else ROLLOUTS)
             turns = {"meets": MEETS, "doubt": DOUBT}
+        if near:
+            turns |= {"near": True, "doubt": NEAR}
         return SearchSettings(
             self.method, accept, rollouts, self.seed, self.patience, AGAIN, self.packaged, **turns
         )
@@ -114,7 +117,6 @@ def gait(
     Raises RobotError if the robot has no such task, NoMatchError if no simulator is close enough, UsageError if there
     are too few simulators.
     """
-    from dynreg.gait.near import DOUBT as NEAR
     from dynreg.gait.near import may_stay, seek_near
     from dynreg.gait.seek import expected, seek
     from dynreg.gait.space import gait_space
@@ -134,9 +136,8 @@ def gait(
     wanted = QuerySettings(k=settings.k, population=settings.population, threads=settings.threads)
     chosen = choose(asked, settings.on, wanted, many, settings.seed, progress)
     near = had.walked and may_stay(settings.method)
-    search = replace(settings.search(len(chosen.simulators), near=near), tried=had.genes, near=near)
+    search = replace(settings.search(len(chosen.simulators), near=near), tried=had.genes)
     if near:
-        search = replace(search, doubt=NEAR)
         chosen = with_earlier(asked, chosen, had.simulators)
     known = known_values(robot, asked.recording)
     simulators = simulators_of(robot, [one.config for one in chosen.simulators], known)

@@ -71,9 +71,8 @@ def _measured(registry: Registry) -> Iterator[Row]:
 def _simulators(registry: Registry) -> Iterator[Row]:
     configs = [(i, registry.simulator(i)) for i in registry.ids("simulator")]
     rows = ((i, simulator_name(i, c), c.get("robot_name", ""), {}) for i, c in configs)
-    return iter(
-        sorted(rows, key=itemgetter(1, 0))
-    )  # a name begins with the robot's and tells how it was made
+    # a name begins with the robot's and tells how it was made
+    yield from sorted(rows, key=itemgetter(1, 0))
 
 
 def _results(registry: Registry) -> Iterator[Row]:

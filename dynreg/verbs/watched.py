@@ -60,8 +60,8 @@ def is_run(registry: Registry, ref: str) -> bool:
 
 def _walk(registry: Registry, gait: Gait) -> Frames:
     """A gait in the simulator that shows it."""
-    trials, least = trials_of(registry, gait, gait.seconds, gait.rate)
-    model, poses = trials.poses(told(trials.space, genes_of(gait), gait, trials.times), least)
+    trials, shown = trials_of(registry, gait, gait.seconds, gait.rate)
+    model, poses = trials.poses(told(trials.space, genes_of(gait), gait, trials.times), shown)
     known = np.isfinite(poses).all(axis=1)
     return Frames(model, np.flatnonzero(known) / gait.rate, {SIMULATED: poses[known]}, {}, {})
 

@@ -3,6 +3,7 @@
 import shutil
 import threading
 import time
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -369,17 +370,24 @@ def test_a_bucket_without_its_ledger_gives_back_all_but_names(faces, robot, stor
     assert verify(tmp_path / "new").faults == ()
 
 
+@contextmanager
+def put_back(stores, place: str) -> Iterator[None]:
+    """A database that is put back from a backup: it forgets what is done within, and the bucket keeps it."""
+    backup = f"{place}y"
+    stores.sql("postgres", f"CREATE DATABASE {backup} TEMPLATE {place}")
+    yield
+    again = f"CREATE DATABASE {place} TEMPLATE {backup}"
+    stores.sql("postgres", f"DROP DATABASE {place} WITH (FORCE)", again, f"DROP DATABASE {backup}")
+
+
 def test_a_database_of_yesterday_is_found_and_gets_what_came_since(faces, robot, stores, place):
     registry = faces()
     fill(registry, robot)
     registry.close()
-    stores.sql("postgres", f"CREATE DATABASE {place}y TEMPLATE {place}")
-    with Registry.open(registry.path) as again:
+    with put_back(stores, place), Registry.open(registry.path) as again:
         for seed in (1, 2):
             again.put_recording(make_recording(seed), ROBOT, f"run {seed}")
         content = again.content_hash()
-    back = f"CREATE DATABASE {place} TEMPLATE {place}y"
-    stores.sql("postgres", f"DROP DATABASE {place} WITH (FORCE)", back, f"DROP DATABASE {place}y")
     with Registry.open(registry.path) as again, pytest.raises(RegistryError, match="older than the ledger"):
         collect(again)
     (fault,) = verify(registry.path).faults
@@ -395,12 +403,9 @@ def test_gc_keeps_the_last_put_that_a_database_from_a_backup_does_not_name(faces
     registry = faces()
     fill(registry, robot)
     registry.close()
-    stores.sql("postgres", f"CREATE DATABASE {place}y TEMPLATE {place}")
-    with Registry.open(registry.path) as again:
+    with put_back(stores, place), Registry.open(registry.path) as again:
         again.put_robot(robot, "ef" * 32, "leg")
         content = again.content_hash()
-    back = f"CREATE DATABASE {place} TEMPLATE {place}y"
-    stores.sql("postgres", f"DROP DATABASE {place} WITH (FORCE)", back, f"DROP DATABASE {place}y")
     with Registry.open(registry.path) as again:
         with pytest.warns(Assumed, match=r"ledger/.* are kept: .*`dynreg verify --repair` takes it"):
             assert collect(again) == ()
@@ -435,12 +440,9 @@ def test_gc_refuses_a_database_from_a_backup_that_went_on_before_it_was_repaired
     registry = faces()
     fill(registry, robot)
     registry.close()
-    stores.sql("postgres", f"CREATE DATABASE {place}y TEMPLATE {place}")
-    with Registry.open(registry.path) as again:
+    with put_back(stores, place), Registry.open(registry.path) as again:
         for seed in (1, 2):
             again.put_recording(make_recording(seed), ROBOT, f"run {seed}")
-    back = f"CREATE DATABASE {place} TEMPLATE {place}y"
-    stores.sql("postgres", f"DROP DATABASE {place} WITH (FORCE)", back, f"DROP DATABASE {place}y")
     with Registry.open(registry.path) as again:
         again.put_recording(make_recording(3), ROBOT, "run 3")
         with pytest.raises(RegistryError, match="older than the ledger"):
