@@ -1,11 +1,12 @@
-"""The search near a gait that walked on the robot, in the simulators that all logs so far tell of."""
+"""The search near a gait that walked on the robot, and whether it or one of the whole range found the better gait."""
 
+from collections.abc import Sequence
 from typing import Unpack
 
 import numpy as np
 
 from dynreg.gait.accept import ACCEPT
-from dynreg.gait.seek import Finals, Followed, SearchSettings, Sought, answer, driven
+from dynreg.gait.seek import EXPECTED, Finals, Followed, SearchSettings, Sought, answer, driven
 from dynreg.gait.tasks import fell, fitness
 from dynreg.gait.trials import Trials
 from dynreg.rng import stream
@@ -18,6 +19,9 @@ STEP = 0.05  # of the ranges, 1 sigma, at first
 # (RMS over the parameters); with 0.03, a search went beyond what the robot could still walk.
 DOUBT = 0.1
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the way from the gait to what the search found
+COMPARED = 20_000  # the first draw of runs that compare gaits of two searches: neither has seen it
+# Share of these runs by which a gait may fall more often than the one that walked.
+MORE_FALLS = 0.1
 
 
 def may_stay(method: str) -> bool:
@@ -86,3 +90,21 @@ def farthest(
     values = fitness(seen).mean(axis=1)
     best = 1 + int(np.argmax(accepted(values[1:] - values[0])))
     return points[best], Finals(seen[best].size, int(fell(seen[best]).sum()), float(accepted(values)[best]))
+
+
+def likelier(trials: Trials, settings: SearchSettings, reached: float, gaits: Sequence[np.ndarray]) -> int:
+    """Which of the gaits (G,) will do most on the robot, where the first of `settings.tried` reached so much there.
+
+    The first is one near that gait: it should gain on the robot what it gains in the simulators. The others should do
+    there what they do in the simulators. All meet the same draws, moved by `settings.doubt`. Those that fall much more
+    often there than the gait that walked are taken only where all do, and that gait itself never, for it was tried.
+    """
+    k, accepted = len(trials.simulators), ACCEPT[settings.accept]
+    compared = np.array([settings.tried[0], *gaits])
+    seen = trials.again(compared, -(-EXPECTED // k), first=COMPARED, doubt=settings.doubt)
+    values, falls = accepted(fitness(seen).mean(axis=1)), fell(seen).mean(axis=(1, 2))
+    there = values[1:].copy()
+    there[0] += reached - values[0]
+    risky = falls[1:] > falls[0] + MORE_FALLS
+    same = np.isclose(compared[1:], compared[0]).all(axis=1)
+    return int(np.lexsort((-there, falls[1:] * risky.all(), risky, same))[0])

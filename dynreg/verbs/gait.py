@@ -21,6 +21,7 @@ ON = POSTERIOR
 SEVERAL = ("nearest", "random", "population")  # which mean k simulators
 MANY = 16  # simulators of the posterior at most, the answer among them
 MEETS, DOUBT, ROLLOUTS = 4, 0.05, 7500  # of a search in them: see `SearchSettings`
+NEARBY = 0.2  # of these rollouts, for the search near a gait that walked: there a gait costs a run, not four
 # The mean is raised where simulators are drawn. Some draws of the ranges cannot even stand, so the minimum would be 0;
 # with the minimum over draws of the posterior, gaits creep.
 MEAN, DRAWN = "mean", (POSTERIOR, "population")
@@ -71,33 +72,51 @@ class GaitSettings(Settings):
             return min(max(int(AGAIN * (self.rollouts or ROLLOUTS)) // (ROUNDS * FINALISTS), 1), MANY)
         return self.k if self.on in SEVERAL else 1
 
-    def search(self, many: int, *, near: bool = False) -> "SearchSettings":
-        """The settings of the search in so many simulators; near a gait that has walked, one run scores a gait."""
+    def search(self, many: int) -> "SearchSettings":
+        """The settings of the search of the whole range in so many simulators."""
+        return self.searches(many, walked=False)[0]
+
+    def searches(self, many: int, *, walked: bool) -> "tuple[SearchSettings, ...]":
+        """The searches in so many simulators, which share the rollouts.
+
+        walked : whether a gait has walked: the first search stays near it. Where simulators take turns, a second one is
+        of the whole range.
+        """
         from dynreg.gait.near import DOUBT as NEAR
         from dynreg.gait.seek import AGAIN, SearchSettings
 
-        accept = self.accept or (MEAN if self.on in DRAWN else USUAL)
-        rollouts, turns = self.rollouts or EACH * many, {}
-        if self.on == POSTERIOR:
-            rollouts = self.rollouts or (ROLLOUTS // MEETS if near else ROLLOUTS)
-            turns = {"meets": MEETS, "doubt": DOUBT}
-        if near:
-            turns |= {"near": True, "doubt": NEAR}
-        return SearchSettings(
-            self.method, accept, rollouts, self.seed, self.patience, AGAIN, self.packaged, **turns
+        drawn = self.on == POSTERIOR
+        rollouts = self.rollouts or (ROLLOUTS if drawn else EACH * many)
+        whole = SearchSettings(
+            self.method,
+            self.accept or (MEAN if self.on in DRAWN else USUAL),
+            rollouts,
+            self.seed,
+            self.patience,
+            AGAIN,
+            self.packaged,
+            **({"meets": MEETS, "doubt": DOUBT} if drawn else {}),
         )
+        if not walked:
+            return (whole,)
+        near = replace(whole, near=True, doubt=NEAR)
+        if not drawn:
+            return (near,)
+        share = int(NEARBY * rollouts)
+        return replace(near, rollouts=share), replace(whole, rollouts=rollouts - share)
 
 
 @dataclass(frozen=True)
 class Had:
     """The gaits that the robot has had: genes of each, the best first, and whether that one walked.
 
-    simulators : ids of those in which they were sought.
+    simulators : ids of those in which they were sought. reached : the fitness of the best on the robot.
     """
 
     genes: tuple[tuple[float, ...], ...] = ()
     walked: bool = False
     simulators: tuple[str, ...] = ()
+    reached: float = 0.0
 
 
 def gait(
@@ -117,7 +136,7 @@ def gait(
     Raises RobotError if the robot has no such task, NoMatchError if no simulator is close enough, UsageError if there
     are too few simulators.
     """
-    from dynreg.gait.near import may_stay, seek_near
+    from dynreg.gait.near import likelier, may_stay, seek_near
     from dynreg.gait.seek import expected, seek
     from dynreg.gait.space import gait_space
     from dynreg.gait.tasks import task_of
@@ -135,20 +154,29 @@ def gait(
     settings.search(many).evaluations(many)
     wanted = QuerySettings(k=settings.k, population=settings.population, threads=settings.threads)
     chosen = choose(asked, settings.on, wanted, many, settings.seed, progress)
-    near = had.walked and may_stay(settings.method)
-    search = replace(settings.search(len(chosen.simulators), near=near), tried=had.genes)
-    if near:
-        chosen = with_earlier(asked, chosen, had.simulators)
+    near, turns = had.walked and may_stay(settings.method), settings.on == POSTERIOR
+    searches = settings.searches(len(chosen.simulators), walked=near)
+    searches = [replace(one, tried=had.genes) for one in searches]
+    if near or turns:
+        most = replace(settings, rollouts=searches[-1].rollouts).many() if turns else None
+        chosen = with_earlier(asked, chosen, had.simulators, most)
     known = known_values(robot, asked.recording)
     simulators = simulators_of(robot, [one.config for one in chosen.simulators], known)
     rate = command_rate(robot, known)
     trials = Trials(robot, task, simulators, rate=rate, seed=settings.seed, threads=settings.threads)
-    key, path = journal(asked, chosen, trials, search)
-    look = seek_near if search.near else seek
-    sought = look(trials, search, journal=path, resume=settings.resume, key=key, progress=progress)
-    unseen = expected(trials, sought.genes, search.doubt)
+    keys, paths = zip(*(journal(asked, chosen, trials, one) for one in searches), strict=True)
+    sought = [
+        (seek_near if one.near else seek)(
+            trials, one, journal=path, resume=settings.resume, key=key, progress=progress
+        )
+        for one, key, path in zip(searches, keys, paths, strict=True)
+    ]
+    genes = [one.genes for one in sought]
+    best = likelier(trials, searches[0], had.reached, genes) if len(genes) > 1 else 0
+    unseen = expected(trials, genes[best], searches[best].doubt)
     about, seconds = (asked.recording.id, asked.name), time.perf_counter() - began
-    found = document(robot, about, chosen, trials, search, sought, unseen, seconds)
+    found = document(robot, about, chosen, trials, searches[best], sought[best], unseen, seconds)
     asked.keep(found)
-    path.unlink(missing_ok=True)  # only after the gait is stored
+    for path in paths:
+        path.unlink(missing_ok=True)  # only after the gait is stored
     return found

@@ -52,10 +52,21 @@ def choose(
     return Chosen(on, kinds, named, named[0].source)
 
 
-def with_earlier(asked: Recorded, chosen: Chosen, ids: Sequence[str]) -> Chosen:
-    """The chosen simulators, and those that were chosen by the same word before (their ids), each once."""
+def with_earlier(asked: Recorded, chosen: Chosen, ids: Sequence[str], most: int | None = None) -> Chosen:
+    """The chosen simulators, and those that were chosen by the same word before (their ids), each once.
+
+    most : of all, at most; where there are more, half are earlier ones, the first of each.
+    """
     has = {one.id for one in chosen.simulators}
-    more = _named(asked, [i for i in dict.fromkeys(ids) if i not in has])
+    earlier = [i for i in dict.fromkeys(ids) if i not in has]
+    if most is not None and len(has) + len(earlier) > most:
+        earlier = earlier[: max(most - len(has), most // 2)]
+        chosen = replace(
+            chosen,
+            kinds=chosen.kinds[: most - len(earlier)],
+            simulators=chosen.simulators[: most - len(earlier)],
+        )
+    more = _named(asked, earlier)
     kinds = (*chosen.kinds, *chosen.kinds[-1:] * len(more))
     return replace(chosen, kinds=kinds, simulators=(*chosen.simulators, *more))
 

@@ -33,6 +33,7 @@ def had(robot: "Robot", task: "Task", tried: Sequence[Tried]) -> Had:
     return Had(
         genes=tuple(tuple(space.from_dict(genes_of(one.gait)).tolist()) for one in order),
         walked=bool(order) and not order[0].fell and order[0].reached >= task.success,
+        reached=order[0].reached if order else 0.0,
         simulators=tuple(trial.simulator for one in tried for trial in one.gait.trials),
     )
 

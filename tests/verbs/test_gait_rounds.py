@@ -133,6 +133,25 @@ def test_simulators_of_earlier_logs_are_no_answers_of_this_one(opened, brief) ->
     assert more.kinds == ("answer", "posterior", "posterior") and more.simulators[2].id == two.id
 
 
+def test_of_too_many_simulators_half_are_of_earlier_logs(opened, brief) -> None:
+    asked = recorded(opened.registry, "log", ingest=True)
+    values = brief.space.as_dict(brief.space.nominal)
+    configs = [SimConfig(brief.hash, brief.name, values | {"torque": 1.2 + i / 100}) for i in range(8)]
+    ids = [opened.registry.put_simulator(config.as_dict()) for config in configs]
+    newest, earlier = ids[:4], ids[4:]
+    chosen = Chosen("posterior", ("answer",) * 4, tuple(simulator(opened.registry, i, brief) for i in newest))
+    for most, told in (
+        (4, [*newest[:2], *earlier[:2]]),
+        (5, [*newest[:3], *earlier[:2]]),
+        (7, [*newest, *earlier[:3]]),
+        (8, ids),
+        (None, ids),
+    ):
+        more = with_earlier(asked, chosen, (newest[1], *earlier, earlier[0]), most)
+        assert [one.id for one in more.simulators] == told and len(more.kinds) == len(told)
+    assert [one.id for one in with_earlier(asked, chosen, (), 4).simulators] == newest
+
+
 def test_the_best_gait_walked_where_it_stood_and_reached_what_counts_as_success(opened, brief) -> None:
     task, gaits = task_of(brief), [opened.gait("log", **(ASKED | {"seed": seed})) for seed in (1, 2)]
     genes = [tuple(gait_space(brief).from_dict(genes_of(g))) for g in gaits]

@@ -1,15 +1,21 @@
 """A gait that is sought in the query's answer and in draws that the recording does not tell from it."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from secret_servo import TRAINING
 
 from dynreg import session
 from dynreg.errors import NoMatchError
+from dynreg.gait.space import gait_space
 from dynreg.results import Gait
 from dynreg.session import Session
-from dynreg.verbs.gait import GaitSettings
+from dynreg.verbs.gait import GaitSettings, Had
+from dynreg.verbs.gait import gait as seek
+from dynreg.verbs.gaits import genes_of
+from dynreg.verbs.subjects import recorded
 
 HOW = {"k": 2, "rollouts": 400, "threads": 1}
 
@@ -56,6 +62,30 @@ def test_the_same_seed_finds_the_same_and_another_draws_others(found: Gait, open
     assert again.genes == found.genes and ids[0] == ids[1]
     assert ids[0][0] == ids[2][0] and ids[0][1:] != ids[2][1:]  # the answer is the same
     assert opened.verify().clean
+
+
+def test_once_one_walked_the_better_of_two_searches_is_taken_in_the_simulators_of_all_logs(
+    found: Gait, opened: Session, brief, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = recorded(opened.registry, "log", ingest=True)
+    genes = tuple(gait_space(brief).from_dict(genes_of(found)).tolist())
+    earlier = opened.gait("log", seed=1, **HOW).trials[1].simulator
+    had = Had((genes,), walked=True, simulators=(earlier,), reached=0.5)
+    compared = []
+    for taken in (0, 1):
+        monkeypatch.setattr(
+            "dynreg.gait.near.likelier", lambda *told, taken=taken: compared.append(told) or taken
+        )
+        gait = seek(asked, GaitSettings(**HOW), had=had)
+        near, whole = compared[-1][3]
+        assert compared[-1][2] == 0.5 and compared[-1][1].near and not np.array_equal(near, whole)
+        assert [*genes_of(gait).values()] == pytest.approx([near, whole][taken].tolist())
+        # of five, as many as its share of the rollouts can try finalists in
+        assert len(gait.trials) == 5 and gait.trials[-1].simulator == earlier
+        assert gait.cost.rollouts <= HOW["rollouts"] + 12 * 5
+    (fell,) = (replace(had, walked=False),)
+    assert seek(asked, GaitSettings(**HOW), had=fell).trials[-1].simulator == earlier and len(compared) == 2
+    assert not list((opened.path / "searches").glob("*"))
 
 
 def test_where_no_simulator_is_close_the_query_is_kept_and_the_diagnosis_advised(

@@ -72,24 +72,28 @@ def test_rollouts_grow_with_the_simulators_where_none_are_named() -> None:
     assert one == pytest.approx(five, rel=0.05) == pytest.approx(600, rel=0.05)
 
 
-def test_draws_of_the_posterior_take_turns_and_near_a_gait_each_costs_one_run() -> None:
-    usual, few, near = (
-        GaitSettings().search(16),
-        GaitSettings(rollouts=500).search(16),
-        GaitSettings().search(16, near=True),
-    )
-    assert (usual.rollouts, few.rollouts, near.rollouts) == (
-        ROLLOUTS_IN_DRAWS,
-        500,
-        ROLLOUTS_IN_DRAWS // MEETS,
-    )
-    assert usual.met(16) == MEETS and usual.met(1) == 1 and (usual.doubt, near.doubt) == (0.05, 0.1)
+def test_draws_of_the_posterior_take_turns() -> None:
+    usual, few = GaitSettings().search(16), GaitSettings(rollouts=500).search(16)
+    assert (usual.rollouts, few.rollouts) == (ROLLOUTS_IN_DRAWS, 500)
+    assert usual.met(16) == MEETS and usual.met(1) == 1 and usual.doubt == 0.05
     many = {rollouts: GaitSettings(rollouts=rollouts).many() for rollouts in (60, 400, 959, 960, 7500)}
     assert many == {60: 1, 400: 6, 959: 15, 960: 16, 7500: MANY}  # finalists are tried in all
     for rollouts, draws in many.items():
         assert GaitSettings(rollouts=rollouts).search(draws).met(draws) == min(MEETS, draws)
     assert usual.evaluations(16) == pytest.approx(0.8 * ROLLOUTS_IN_DRAWS / MEETS, rel=0.05)
     assert GaitSettings(on="nearest").search(16).met(16) == 16
+
+
+def test_once_a_gait_walked_the_search_near_it_shares_the_rollouts_with_one_of_the_whole_range() -> None:
+    for settings, rollouts in ((GaitSettings(), ROLLOUTS_IN_DRAWS), (GaitSettings(rollouts=500), 500)):
+        near, whole = settings.searches(16, walked=True)
+        assert near.near and not whole.near and (near.doubt, whole.doubt) == (0.1, 0.05)
+        assert (near.rollouts, whole.rollouts) == (0.2 * rollouts, 0.8 * rollouts)
+        assert settings.searches(16, walked=False) == (settings.search(16),)
+    (alone,) = GaitSettings(on="nearest").searches(
+        5, walked=True
+    )  # they take no turns: one search is dear enough
+    assert alone.near and alone.rollouts == GaitSettings(on="nearest").search(5).rollouts
 
 
 def test_a_gait_is_stored_and_comes_back(found: Gait, opened: Session) -> None:
