@@ -1,12 +1,11 @@
-"""The search near a gait that walked on the robot, and whether it or one of the whole range found the better gait."""
+"""The search near a gait that walked on the robot, in the simulators that all logs so far tell of."""
 
-from collections.abc import Sequence
 from typing import Unpack
 
 import numpy as np
 
 from dynreg.gait.accept import ACCEPT
-from dynreg.gait.seek import EXPECTED, Finals, Followed, SearchSettings, Sought, answer, driven
+from dynreg.gait.seek import Finals, Followed, SearchSettings, Sought, answer, driven
 from dynreg.gait.tasks import fell, fitness
 from dynreg.gait.trials import Trials
 from dynreg.rng import stream
@@ -19,14 +18,17 @@ STEP = 0.05  # of the ranges, 1 sigma, at first
 # (RMS over the parameters); with 0.03, a search went beyond what the robot could still walk.
 DOUBT = 0.1
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the way from the gait to what the search found
-COMPARED = 20_000  # the first draw of runs that compare gaits of two searches: neither has seen it
-# Share of these runs by which a gait may fall more often than the one that walked.
-MORE_FALLS = 0.1
+LOOKED = 4  # times the rollouts of one look at all of these in every simulator, below which none is taken
 
 
 def may_stay(method: str) -> bool:
     """Whether a search can stay near a gait: it sets out from one point, and learns from each batch alone."""
     return SEARCHES[method].from_one and SEARCHES[method].by_order
+
+
+def most_simulators(rollouts: int) -> int:
+    """In how many simulators the way from the gait can be looked at, with so many rollouts in all."""
+    return max(rollouts // (LOOKED * len(SHARES)), 1)
 
 
 def seek_near(trials: Trials, settings: SearchSettings, **followed: Unpack[Followed]) -> Sought:
@@ -40,7 +42,7 @@ def seek_near(trials: Trials, settings: SearchSettings, **followed: Unpack[Follo
         len(SHARES) * k
     )  # runs of one draw of noise and parameters: of all points of the way, in every simulator
     draws = int(settings.again * settings.rollouts) // each
-    if settings.again and not draws and 4 * each <= settings.rollouts:
+    if settings.again and not draws and LOOKED * each <= settings.rollouts:
         draws = 1  # of so many simulators one draw tells enough
     evaluations = settings.rollouts - draws * each
     begin = space.to_unit(np.array(settings.tried[:1]))[0]
@@ -90,21 +92,3 @@ def farthest(
     values = fitness(seen).mean(axis=1)
     best = 1 + int(np.argmax(accepted(values[1:] - values[0])))
     return points[best], Finals(seen[best].size, int(fell(seen[best]).sum()), float(accepted(values)[best]))
-
-
-def likelier(trials: Trials, settings: SearchSettings, reached: float, gaits: Sequence[np.ndarray]) -> int:
-    """Which of the gaits (G,) will do most on the robot, where the first of `settings.tried` reached so much there.
-
-    The first is one near that gait: it should gain on the robot what it gains in the simulators. The others should do
-    there what they do in the simulators. All meet the same draws, moved by `settings.doubt`. Those that fall much more
-    often there than the gait that walked are taken only where all do, and that gait itself never, for it was tried.
-    """
-    k, accepted = len(trials.simulators), ACCEPT[settings.accept]
-    compared = np.array([settings.tried[0], *gaits])
-    seen = trials.again(compared, -(-EXPECTED // k), first=COMPARED, doubt=settings.doubt)
-    values, falls = accepted(fitness(seen).mean(axis=1)), fell(seen).mean(axis=(1, 2))
-    there = values[1:].copy()
-    there[0] += reached - values[0]
-    risky = falls[1:] > falls[0] + MORE_FALLS
-    same = np.isclose(compared[1:], compared[0]).all(axis=1)
-    return int(np.lexsort((-there, falls[1:] * risky.all(), risky, same))[0])

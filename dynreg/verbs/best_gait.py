@@ -30,7 +30,7 @@ def best_gait(
     simulators = simulators_of(robot, [one.config for one in chosen.simulators])
     told = {"rate": robot.rate, "seed": settings.seed, "threads": settings.threads}
     trials = Trials(robot, task, simulators, **told)
-    walk, unseen = walked(trials, found.gait), expected(trials, found.gait)
+    walk, (unseen,) = walked(trials, found.gait), expected(trials, found.gait[None])
     made = described(
         robot,
         chosen,

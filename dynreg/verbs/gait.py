@@ -1,6 +1,7 @@
 """Gait: joint commands that make a legged robot walk in the simulators that a recording tells of."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -64,46 +65,59 @@ class GaitSettings(Settings):
     seed: int = seed()
     threads: int = threads()
 
+    @property
+    def turns(self) -> bool:
+        """Whether simulators take turns, so that a gait costs as many runs however many there are."""
+        return self.on == POSTERIOR
+
     def many(self) -> int:
         """Most simulators in which the search may run: of draws as many as its rollouts can try finalists in."""
         from dynreg.gait.seek import AGAIN, FINALISTS, ROUNDS
 
-        if self.on == POSTERIOR:
+        if self.turns:
             return min(max(int(AGAIN * (self.rollouts or ROLLOUTS)) // (ROUNDS * FINALISTS), 1), MANY)
         return self.k if self.on in SEVERAL else 1
 
+    def most(self, searches: "Sequence[SearchSettings]") -> int | None:
+        """Most simulators in which these searches may run, those of earlier logs among them; None for any number."""
+        from dynreg.gait.near import most_simulators
+
+        if not self.turns:
+            return None
+        each = (
+            most_simulators(one.rollouts) if one.near else replace(self, rollouts=one.rollouts).many()
+            for one in searches
+        )
+        return min(MANY, *each)
+
     def search(self, many: int) -> "SearchSettings":
         """The settings of the search of the whole range in so many simulators."""
-        return self.searches(many, walked=False)[0]
-
-    def searches(self, many: int, *, walked: bool) -> "tuple[SearchSettings, ...]":
-        """The searches in so many simulators, which share the rollouts.
-
-        walked : whether a gait has walked: the first search stays near it. Where simulators take turns, a second one is
-        of the whole range.
-        """
-        from dynreg.gait.near import DOUBT as NEAR
         from dynreg.gait.seek import AGAIN, SearchSettings
 
-        drawn = self.on == POSTERIOR
-        rollouts = self.rollouts or (ROLLOUTS if drawn else EACH * many)
-        whole = SearchSettings(
-            self.method,
-            self.accept or (MEAN if self.on in DRAWN else USUAL),
-            rollouts,
-            self.seed,
-            self.patience,
-            AGAIN,
-            self.packaged,
-            **({"meets": MEETS, "doubt": DOUBT} if drawn else {}),
+        accept = self.accept or (MEAN if self.on in DRAWN else USUAL)
+        rollouts = self.rollouts or (ROLLOUTS if self.turns else EACH * many)
+        turns = {"meets": MEETS, "doubt": DOUBT} if self.turns else {}
+        return SearchSettings(
+            self.method, accept, rollouts, self.seed, self.patience, AGAIN, self.packaged, **turns
         )
-        if not walked:
+
+    def searches(self, many: int, had: "Had") -> "tuple[SearchSettings, ...]":
+        """The searches in so many simulators: of the whole range, near a gait that walked, or both.
+
+        Two share the rollouts, the one near the gait first: where simulators take turns, and its share suffices for a
+        batch of gaits.
+        """
+        from dynreg.gait.near import DOUBT as NEAR
+        from dynreg.gait.near import may_stay
+        from dynreg.search.table import SEARCHES
+
+        whole = replace(self.search(many), tried=had.genes)
+        if not (had.walked and may_stay(self.method)):
             return (whole,)
-        near = replace(whole, near=True, doubt=NEAR)
-        if not drawn:
+        near, share = replace(whole, near=True, doubt=NEAR), int(NEARBY * whole.rollouts)
+        if not self.turns or share < SEARCHES[self.method].batch:
             return (near,)
-        share = int(NEARBY * rollouts)
-        return replace(near, rollouts=share), replace(whole, rollouts=rollouts - share)
+        return replace(near, rollouts=share), replace(whole, rollouts=whole.rollouts - share)
 
 
 @dataclass(frozen=True)
@@ -136,13 +150,13 @@ def gait(
     Raises RobotError if the robot has no such task, NoMatchError if no simulator is close enough, UsageError if there
     are too few simulators.
     """
-    from dynreg.gait.near import likelier, may_stay, seek_near
-    from dynreg.gait.seek import expected, seek
+    from dynreg.gait.seek import expected
     from dynreg.gait.space import gait_space
     from dynreg.gait.tasks import task_of
     from dynreg.gait.trials import Trials, simulators_of
     from dynreg.replay.known import command_rate, known_values
-    from dynreg.verbs.gait_document import document, journal
+    from dynreg.verbs.gait_document import document
+    from dynreg.verbs.gait_searches import searched
     from dynreg.verbs.gait_simulators import choose, with_earlier
     from dynreg.verbs.query import QuerySettings
 
@@ -154,29 +168,18 @@ def gait(
     settings.search(many).evaluations(many)
     wanted = QuerySettings(k=settings.k, population=settings.population, threads=settings.threads)
     chosen = choose(asked, settings.on, wanted, many, settings.seed, progress)
-    near, turns = had.walked and may_stay(settings.method), settings.on == POSTERIOR
-    searches = settings.searches(len(chosen.simulators), walked=near)
-    searches = [replace(one, tried=had.genes) for one in searches]
-    if near or turns:
-        most = replace(settings, rollouts=searches[-1].rollouts).many() if turns else None
-        chosen = with_earlier(asked, chosen, had.simulators, most)
+    searches = settings.searches(len(chosen.simulators), had)
+    if settings.turns or searches[0].near:
+        chosen = with_earlier(asked, chosen, had.simulators, settings.most(searches))
     known = known_values(robot, asked.recording)
     simulators = simulators_of(robot, [one.config for one in chosen.simulators], known)
     rate = command_rate(robot, known)
     trials = Trials(robot, task, simulators, rate=rate, seed=settings.seed, threads=settings.threads)
-    keys, paths = zip(*(journal(asked, chosen, trials, one) for one in searches), strict=True)
-    sought = [
-        (seek_near if one.near else seek)(
-            trials, one, journal=path, resume=settings.resume, key=key, progress=progress
-        )
-        for one, key, path in zip(searches, keys, paths, strict=True)
-    ]
-    genes = [one.genes for one in sought]
-    best = likelier(trials, searches[0], had.reached, genes) if len(genes) > 1 else 0
-    unseen = expected(trials, genes[best], searches[best].doubt)
+    best = searched(asked, chosen, trials, searches, had, resume=settings.resume, progress=progress)
+    (unseen,) = expected(trials, best.sought.genes[None], searches[0].doubt)
     about, seconds = (asked.recording.id, asked.name), time.perf_counter() - began
-    found = document(robot, about, chosen, trials, searches[best], sought[best], unseen, seconds)
+    found = document(robot, about, chosen, trials, best, unseen, seconds)
     asked.keep(found)
-    for path in paths:
+    for path in best.journals:
         path.unlink(missing_ok=True)  # only after the gait is stored
     return found

@@ -1,16 +1,13 @@
 """The document of a gait, made from the result of its search."""
 
-import hashlib
-import json
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dynreg.gait.accept import ACCEPT
 from dynreg.gait.play import joints
-from dynreg.gait.seek import Finals, SearchSettings, Sought, Walked
+from dynreg.gait.seek import Finals, Sought, Walked
 from dynreg.gait.table import JointTable
 from dynreg.gait.tasks import fell, fitness
 from dynreg.gait.trials import Trials
@@ -19,24 +16,8 @@ from dynreg.results.gait import OFTEN, Fitness, Gait, GaitExpected, GaitGene, Ga
 from dynreg.results.result import Cost
 from dynreg.results.trials import rate
 from dynreg.sim.robot import Robot
+from dynreg.verbs.gait_searches import Searched
 from dynreg.verbs.gait_simulators import Chosen
-from dynreg.verbs.subjects import Recorded
-
-
-def journal(
-    asked: Recorded, chosen: Chosen, trials: Trials, search: SearchSettings
-) -> tuple[dict[str, Any], Path]:
-    """The key of this search (all that determines it), and the path of the journal from which it can resume."""
-    key = {
-        "robot": asked.robot.hash,
-        "recording": asked.recording.id,
-        "task": trials.task.name,
-        "simulators": tuple(one.id for one in chosen.simulators),
-        "values": trials.simulators.values.tolist(),
-        **asdict(search),
-    }
-    name = hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()[:24]
-    return key, asked.registry.journal_path(name)
 
 
 def document(
@@ -44,8 +25,7 @@ def document(
     recording: tuple[str | None, str],
     chosen: Chosen,
     trials: Trials,
-    search: SearchSettings,
-    sought: Sought,
+    best: Searched,
     unseen: np.ndarray,
     seconds: float,
 ) -> Gait:
@@ -53,6 +33,7 @@ def document(
 
     recording : id and name of that for which it was sought. unseen, seconds : see `described`.
     """
+    search, sought = best.search, best.sought
     found, finals = sought.found, sought.finals
     return described(
         robot,
@@ -72,7 +53,7 @@ def document(
         history=tuple(GaitStep(evaluations=n, value=v) for n, v in found.history),
         evaluations=found.evaluations,
         resumed=found.resumed,
-        notes=_notes(sought, search.accept),
+        notes=(*best.notes, *_notes(sought, search.accept)),
     )
 
 

@@ -55,7 +55,8 @@ def choose(
 def with_earlier(asked: Recorded, chosen: Chosen, ids: Sequence[str], most: int | None = None) -> Chosen:
     """The chosen simulators, and those that were chosen by the same word before (their ids), each once.
 
-    most : of all, at most; where there are more, half are earlier ones, the first of each.
+    most : of all, at most; where there are more, half are earlier ones, the first before others. A first log of many
+    short trials tells more than one of a walk.
     """
     has = {one.id for one in chosen.simulators}
     earlier = [i for i in dict.fromkeys(ids) if i not in has]

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dynreg.gait.near import DOUBT, SHARES, STEP, between, farthest, likelier, may_stay, seek_near
+from dynreg.gait.near import DOUBT, SHARES, STEP, between, farthest, may_stay, most_simulators, seek_near
 from dynreg.gait.seek import Finals, SearchSettings
 from dynreg.gait.tasks import task_of
 from dynreg.gait.trials import Simulators, Trials
@@ -130,41 +130,6 @@ def test_of_many_simulators_each_meets_the_points_of_the_way_once(brief) -> None
     trials = Trials(brief, task_of(brief), Simulators(values), rate=brief.rate, threads=1)
     found = seek_near(trials, settings_of(trials, rollouts=150))
     assert found.finals.runs == 7 and trials.rollouts <= 150 + 7
-    assert seek_near(trials, settings_of(trials, rollouts=60)).finals is None
-
-
-# {case: (runs of the gait that walked, of one near it, of another: fitness or -999 for a fall), what the first reached
-# on the robot, which is taken}
-CASES = {
-    "near: it gains on what the robot reached": (([2, 2], [3, 3], [4, 4]), 4.0, 0),
-    "the other: the robot reached no more than the simulators say": (([2, 2], [3, 3], [4, 4]), 2.0, 1),
-    "the other: what is near falls": (([2, 2], [9, -999], [4, 4]), 4.0, 1),
-    "near: the gait that walked falls as often": (([2, -999], [9, -999], [4, 4]), 4.0, 0),
-    "near: both fall, it less often": (([2, 2, 2], [5, 5, -999], [90, -999, -999]), 2.0, 0),
-}
-
-
-@pytest.mark.parametrize("case", CASES)
-def test_of_two_searches_the_gait_is_taken_that_will_do_most_on_the_robot(
-    case: str, trials, monkeypatch
-) -> None:
-    runs, reached, taken = CASES[case]
-    asked = []
-
-    def again(genes: np.ndarray, draws: int, *, first: int, doubt: float) -> np.ndarray:
-        asked.append((genes, draws, doubt))
-        return np.array(runs, dtype=float)[:, :, None].repeat(2, axis=2)
-
-    monkeypatch.setattr(trials, "again", again)
-    walked, near, other = (np.array(begun(trials)) + shift for shift in (0.0, 0.01, 0.1))
-    settings = settings_of(trials, accept="mean")
-    assert likelier(trials, settings, reached, [near, other]) == taken
-    ((genes, draws, doubt),) = asked  # the same draws for all, forty runs in all of the simulators
-    assert np.array_equal(genes, [walked, near, other]) and (draws, doubt) == (20, DOUBT)
-
-
-def test_the_gait_that_walked_is_not_tried_again(trials, monkeypatch) -> None:
-    walked, near = np.array(begun(trials)), np.array(begun(trials)) + 0.01
-    told = np.array([5.0, -999.0, 5.0])[:, None, None]
-    monkeypatch.setattr(trials, "again", lambda *a, **k: np.tile(told, (1, 2, 2)))
-    assert likelier(trials, settings_of(trials), 5.0, [near, walked]) == 0
+    assert most_simulators(140) == 7 and most_simulators(139) == 6 and most_simulators(3) == 1
+    assert seek_near(trials, settings_of(trials, rollouts=140)).finals.runs == 7
+    assert seek_near(trials, settings_of(trials, rollouts=139)).finals is None

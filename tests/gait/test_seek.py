@@ -280,7 +280,7 @@ def test_a_trial_is_predicted_by_runs_that_nothing_has_seen(trials, monkeypatch)
     gait, again, seen = first_gaits(trials, 1)[0], trials.again, []
     monkeypatch.setattr(trials, "again", lambda *a, **how: seen.append((a[1], how)) or again(*a, **how))
     best_again(trials, SearchSettings(), trials.space.starts[:2], ((2, 2), (1, 4)))
-    grades = expected(trials, gait)
+    (grades,) = expected(trials, gait[None])
     assert len(grades) == 40 and trials.rollouts >= 40
     *finals, (draws, how) = seen
     assert how["doubt"] == DOUBT and how["first"] > max(f["first"] + d for d, f in finals) and draws == 20

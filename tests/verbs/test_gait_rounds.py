@@ -159,6 +159,7 @@ def test_the_best_gait_walked_where_it_stood_and_reached_what_counts_as_success(
         told = had(brief, task, [Tried(gaits[0], 0.0, True), Tried(gaits[1], reached, False)])
         assert told.genes == (genes[1], genes[0]) and told.walked == walked
         assert told.simulators == tuple(t.simulator for g in gaits for t in g.trials)
+        assert told.reached == reached
     for fitness_there in (0.0, 0.9):  # a fall behind the goal is a fall
         assert not had(brief, task, [Tried(gaits[0], fitness_there, True)]).walked
     assert not had(brief, task, []).walked

@@ -1,5 +1,6 @@
 """A gait that is sought in the query's answer and in draws that the recording does not tell from it."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -71,20 +72,41 @@ def test_once_one_walked_the_better_of_two_searches_is_taken_in_the_simulators_o
     genes = tuple(gait_space(brief).from_dict(genes_of(found)).tolist())
     earlier = opened.gait("log", seed=1, **HOW).trials[1].simulator
     had = Had((genes,), walked=True, simulators=(earlier,), reached=0.5)
-    compared = []
-    for taken in (0, 1):
-        monkeypatch.setattr(
-            "dynreg.gait.near.likelier", lambda *told, taken=taken: compared.append(told) or taken
-        )
-        gait = seek(asked, GaitSettings(**HOW), had=had)
-        near, whole = compared[-1][3]
-        assert compared[-1][2] == 0.5 and compared[-1][1].near and not np.array_equal(near, whole)
-        assert [*genes_of(gait).values()] == pytest.approx([near, whole][taken].tolist())
-        # of five, as many as its share of the rollouts can try finalists in
-        assert len(gait.trials) == 5 and gait.trials[-1].simulator == earlier
-        assert gait.cost.rollouts <= HOW["rollouts"] + 12 * 5
-    (fell,) = (replace(had, walked=False),)
+    compared, stages = [], []
+    for taken in (False, True):
+        told = lambda *given, taken=taken: compared.append(given) or taken  # noqa: E731
+        monkeypatch.setattr("dynreg.verbs.gait_searches.new_does_more", told)
+        gait = seek(asked, GaitSettings(**HOW), lambda *told: stages.append(told[0]), had=had)
+        _, before, reached, near, new = compared[-1]
+        assert np.array_equal(before, [genes]) and reached == 0.5 and not np.array_equal(near, new)
+        assert [*genes_of(gait).values()] == pytest.approx([near, new][taken].tolist())
+        # of four: the way to the gait nearby is looked at in all of them
+        assert len(gait.trials) == 4 and gait.trials[-1].simulator == earlier
+        assert gait.cost.rollouts <= HOW["rollouts"] + 11 * 4
+        (many,) = re.findall(r"(\d+) gaits near the one that walked, and (\d+)", gait.notes[0])
+        assert gait.evaluations == int(many[taken]) and ("first", "second")[taken] in gait.notes[0]
+    assert {"search 1 of 2", "search 2 of 2"} <= {*stages}
+    fell = replace(had, walked=False)
     assert seek(asked, GaitSettings(**HOW), had=fell).trials[-1].simulator == earlier and len(compared) == 2
+    assert not list((opened.path / "searches").glob("*"))
+
+
+def test_the_second_search_goes_on_where_it_was_interrupted(found: Gait, opened: Session, brief) -> None:
+    asked, done = recorded(opened.registry, "log", ingest=True), []
+    genes = tuple(gait_space(brief).from_dict(genes_of(found)).tolist())
+    had = Had((genes,), walked=True, reached=0.5)
+    whole = seek(asked, GaitSettings(**HOW), had=had)
+
+    def interrupt(stage: str, at: int, total: int) -> None:
+        done.extend([at] if stage == "search 2 of 2" else [])
+        if len(done) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        seek(asked, GaitSettings(**HOW), interrupt, had=had)
+    gone_on = seek(asked, GaitSettings(**HOW, resume=True), had=had)
+    kept = {"cost": whole.cost, "resumed": whole.resumed, "source": whole.source}
+    assert gone_on.model_copy(update=kept) == whole and gone_on.cost.rollouts < whole.cost.rollouts
     assert not list((opened.path / "searches").glob("*"))
 
 

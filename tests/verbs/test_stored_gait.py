@@ -17,12 +17,13 @@ from dynreg.gait import play
 from dynreg.gait.play import commands
 from dynreg.gait.space import gait_space
 from dynreg.results import Gait, Neighbour
+from dynreg.search.table import SEARCHES
 from dynreg.session import Session
 from dynreg.sim.config import SimConfig
 from dynreg.sim.excitation import excitation
 from dynreg.sim.real import SimulatedRobot
 from dynreg.sim.robot import load_robot
-from dynreg.verbs.gait import MANY, MEETS, SOURCES, GaitSettings
+from dynreg.verbs.gait import MANY, MEETS, SOURCES, GaitSettings, Had
 from dynreg.verbs.gait import ROLLOUTS as ROLLOUTS_IN_DRAWS
 from dynreg.verbs.simulators import NAMES
 
@@ -84,16 +85,39 @@ def test_draws_of_the_posterior_take_turns() -> None:
     assert GaitSettings(on="nearest").search(16).met(16) == 16
 
 
+HAD = Had(((0.5,), (0.4,)), walked=True)
+
+
 def test_once_a_gait_walked_the_search_near_it_shares_the_rollouts_with_one_of_the_whole_range() -> None:
     for settings, rollouts in ((GaitSettings(), ROLLOUTS_IN_DRAWS), (GaitSettings(rollouts=500), 500)):
-        near, whole = settings.searches(16, walked=True)
+        near, whole = settings.searches(16, HAD)
         assert near.near and not whole.near and (near.doubt, whole.doubt) == (0.1, 0.05)
         assert (near.rollouts, whole.rollouts) == (0.2 * rollouts, 0.8 * rollouts)
-        assert settings.searches(16, walked=False) == (settings.search(16),)
-    (alone,) = GaitSettings(on="nearest").searches(
-        5, walked=True
-    )  # they take no turns: one search is dear enough
+        assert near.tried == whole.tried == HAD.genes and near.seed == whole.seed
+        assert settings.searches(16, Had()) == (settings.search(16),)
+    # whose simulators take no turns: one search is dear enough
+    (alone,) = GaitSettings(on="nearest").searches(5, HAD)
     assert alone.near and alone.rollouts == GaitSettings(on="nearest").search(5).rollouts
+    (anew,) = GaitSettings(method="hill").searches(5, HAD)  # which cannot stay near a gait
+    assert not anew.near and anew.rollouts == ROLLOUTS_IN_DRAWS
+
+
+@pytest.mark.parametrize("method", ["cma", "es"])
+def test_so_few_rollouts_as_serve_for_one_gait_serve_for_the_next(method: str) -> None:
+    batch = SEARCHES[method].batch
+    for rollouts in range(batch, 1000):
+        settings = GaitSettings(method=method, rollouts=rollouts)
+        searches = settings.searches(settings.many(), HAD)
+        assert sum(one.rollouts for one in searches) == rollouts and searches[0].near
+        assert len(searches) == 1 + (rollouts >= 5 * batch)
+        most = settings.most(searches)
+        assert all(one.rollouts >= batch for one in searches)
+        # the way is looked at in all of them
+        assert 20 <= 20 * most <= max(searches[0].rollouts, 20)
+        for one in searches[1:]:
+            assert one.evaluations(most) >= batch and one.met(most) == min(MEETS, most)
+    assert GaitSettings().most(GaitSettings().searches(16, HAD)) == MANY
+    assert GaitSettings(on="nearest").most(GaitSettings(on="nearest").searches(5, HAD)) is None
 
 
 def test_a_gait_is_stored_and_comes_back(found: Gait, opened: Session) -> None:
@@ -258,7 +282,7 @@ def test_too_few_rollouts_are_refused_before_a_query(opened: Session, monkeypatc
 
 
 def test_the_prediction_is_that_of_unseen_runs(opened: Session, monkeypatch) -> None:
-    monkeypatch.setattr("dynreg.gait.seek.expected", lambda *_: np.array([-1000.0, 1.0, 2.0, 3.0]))
+    monkeypatch.setattr("dynreg.gait.seek.expected", lambda *_: np.array([[-1000.0, 1.0, 2.0, 3.0]]))
     e = opened.gait("log", on="nominal", rollouts=ROLLOUTS, threads=1).expected
     assert (e.runs, e.falls, e.median) == (4, 1, 1.5)
 
