@@ -10,7 +10,10 @@ from secret_servo import TRAINING
 
 from dynreg import session
 from dynreg.errors import NoMatchError
+from dynreg.gait.near import DOUBT as NEAR
+from dynreg.gait.seek import UNSEEN
 from dynreg.gait.space import gait_space
+from dynreg.gait.trials import Trials
 from dynreg.results import Gait
 from dynreg.session import Session
 from dynreg.verbs.gait import GaitSettings, Had
@@ -72,7 +75,8 @@ def test_once_one_walked_the_better_of_two_searches_is_taken_in_the_simulators_o
     genes = tuple(gait_space(brief).from_dict(genes_of(found)).tolist())
     earlier = opened.gait("log", seed=1, **HOW).trials[1].simulator
     had = Had((genes,), walked=True, simulators=(earlier,), reached=0.5)
-    compared, stages = [], []
+    compared, stages, again, own = [], [], [], Trials.again
+    monkeypatch.setattr(Trials, "again", lambda self, *a, **how: again.append(how) or own(self, *a, **how))
     for taken in (False, True):
         told = lambda *given, taken=taken: compared.append(given) or taken  # noqa: E731
         monkeypatch.setattr("dynreg.verbs.gait_searches.new_does_more", told)
@@ -86,6 +90,8 @@ def test_once_one_walked_the_better_of_two_searches_is_taken_in_the_simulators_o
         (many,) = re.findall(r"(\d+) gaits near the one that walked, and (\d+)", gait.notes[0])
         assert gait.evaluations == int(many[taken]) and ("first", "second")[taken] in gait.notes[0]
     assert {"search 1 of 2", "search 2 of 2"} <= {*stages}
+    # what both may bring is told alike
+    assert [how["doubt"] for how in again if how.get("first") == UNSEEN] == [NEAR, NEAR]
     fell = replace(had, walked=False)
     assert seek(asked, GaitSettings(**HOW), had=fell).trials[-1].simulator == earlier and len(compared) == 2
     assert not list((opened.path / "searches").glob("*"))
