@@ -289,13 +289,14 @@ def _told(x: dict | None) -> str:
 def main() -> None:
     """Fill in what is left of the table, print it, and keep it under benchmarks/results/."""
     given = _given()
-    seed = TUNE if given.tune else REPORT
+    seed = TUNE if given.tune else given.seed
     plan = Plan(
         seed, given.robots, given.rollouts, given.entries, given.nulls, tuple(given.effects), given.packaged
     )
     digest = hashlib.sha256(json.dumps(asdict(plan)).encode()).hexdigest()[:8]
     ending = f"_tune_{digest}" if given.tune else "_packaged" if given.packaged else ""
     ending += f"_{given.only_kind}" if given.only_kind else ""
+    ending += f"_{seed}" if seed not in (TUNE, REPORT) else ""
     path = given.journal or RESULTS / f"gait_hidden{ending}.jsonl"
     journal = Cells(path, plan)
     journal.begin()
@@ -338,6 +339,7 @@ def _given() -> argparse.Namespace:
     parser.add_argument("--effects", nargs="*", default=[], help="that a diagnosis may name [all]")
     parser.add_argument("--packaged", action="store_true", help="searches also try the robot's own gaits")
     parser.add_argument("--only-kind", choices=("family", "outside"), help="robots of one half alone")
+    parser.add_argument("--seed", type=int, default=REPORT, help="by which other robots are drawn")
     parser.add_argument("--registry", default="benchmarks/registry")
     parser.add_argument("--journal", type=Path, help="[benchmarks/results/gait_hidden_HALF.jsonl]")
     parser.add_argument("--processes", type=int, default=2)
