@@ -22,7 +22,7 @@ ON = POSTERIOR
 SEVERAL = ("nearest", "random", "population")  # which mean k simulators
 MANY = 16  # simulators of the posterior at most, the answer among them
 MEETS, DOUBT, ROLLOUTS = 4, 0.05, 7500  # of a search in them: see `SearchSettings`
-NEARBY = 0.2  # of these rollouts, for the search near a gait that walked: there a gait costs a run, not four
+NEARBY = 0.25  # of these rollouts, for the search near a gait that walked: there a gait costs a run, not four
 # The mean is raised where simulators are drawn. Some draws of the ranges cannot even stand, so the minimum would be 0;
 # with the minimum over draws of the posterior, gaits creep.
 MEAN, DRAWN = "mean", (POSTERIOR, "population")
@@ -108,16 +108,17 @@ class GaitSettings(Settings):
         batch of gaits.
         """
         from dynreg.gait.near import DOUBT as NEAR
-        from dynreg.gait.near import may_stay
+        from dynreg.gait.near import LOOK, may_stay
         from dynreg.search.table import SEARCHES
 
         whole = replace(self.search(many), tried=had.genes)
         if not (had.walked and may_stay(self.method)):
             return (whole,)
-        near, share = replace(whole, near=True, doubt=NEAR), int(NEARBY * whole.rollouts)
+        near, share = replace(whole, near=True, doubt=NEAR, again=LOOK), int(NEARBY * whole.rollouts)
         if not self.turns or share < SEARCHES[self.method].batch:
             return (near,)
-        return replace(near, rollouts=share), replace(whole, rollouts=whole.rollouts - share)
+        # the second sets out from draws of its own: about gaits that it is told it can find one of them again
+        return replace(near, rollouts=share), replace(whole, rollouts=whole.rollouts - share, tried=())
 
 
 @dataclass(frozen=True)

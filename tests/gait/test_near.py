@@ -96,20 +96,14 @@ def test_a_way_between_two_gaits_is_the_short_one_where_genes_run_round() -> Non
 
 
 def test_of_the_way_as_much_is_gone_as_gains_most_on_average_over_all_draws(trials, monkeypatch) -> None:
-    """In one simulator gaits get better all the way; in the other, where all do less, they fall from half of it on."""
+    """In one simulator gaits get better all the way; in the other, where all do less, they get worse from half on."""
     points = between(*trials.space.to_unit(np.array([begun(trials), begun(trials)])), trials.space.periodic)
-    there = np.array([[[5.0, 0.5]], [[5.5, 1.2]], [[7.0, 1.1]], [[9.0, 0.5]], [[12.0, -999.0]]])
-
-    def graded(genes: np.ndarray, draws: int, *, doubt: float) -> np.ndarray:
-        out = np.tile(there, (1, draws, 1))
-        out[3, 0, 1] = -999.0
-        return out
-
-    monkeypatch.setattr(trials, "again", graded)
+    there = np.array([[[5.0, 0.5]], [[5.5, 1.2]], [[7.0, 1.1]], [[9.0, 0.5]], [[12.0, 0.1]]])
+    monkeypatch.setattr(trials, "again", lambda genes, draws, *, doubt: np.tile(there, (1, draws, 1)))
     best, finals = farthest(trials, SearchSettings(accept="min", doubt=DOUBT), points, 4)
     assert np.array_equal(best, points[2]) and finals == Finals(8, 0, 1.1)  # the other gains 2.0
     best, finals = farthest(trials, SearchSettings(accept="mean", doubt=DOUBT), points, 4)
-    assert np.array_equal(best, points[4]) and (finals.falls, finals.value) == (4, 6.0)
+    assert np.array_equal(best, points[4]) and finals == Finals(8, 0, 6.05)
     there[1:] = 0.1  # all are worse: the robot still gets another gait than it has had
     assert np.array_equal(
         farthest(trials, SearchSettings(accept="min", doubt=DOUBT), points, 4)[0], points[1]
@@ -117,6 +111,29 @@ def test_of_the_way_as_much_is_gone_as_gains_most_on_average_over_all_draws(tria
     assert np.array_equal(
         farthest(trials, SearchSettings(accept="min", doubt=DOUBT), points, 0)[0], points[2]
     )  # few rollouts: half of the way
+
+
+# {case: (falls of forty runs at each point of the way, the point that is taken)}; the farther, the more it gains
+FALLS = {
+    "none falls": ((0, 0, 0, 0, 0), 4),
+    "a twentieth more than the first is as often": ((2, 2, 4, 4, 5), 3),
+    "the first falls, too": ((8, 0, 0, 20, 10), 4),
+    "all others fall more often": ((0, 5, 4, 3, 6), 3),
+}
+
+
+@pytest.mark.parametrize("case", FALLS)
+def test_no_farther_than_gaits_fall_no_more_often_than_the_one_that_walked(
+    case: str, trials, monkeypatch
+) -> None:
+    points = between(*trials.space.to_unit(np.array([begun(trials), begun(trials)])), trials.space.periodic)
+    falls, taken = FALLS[case]
+    seen = np.array([[10.0 ** (4 + at)] * 40 for at in range(5)])
+    for at, many in enumerate(falls):
+        seen[at, :many] = -999.0
+    monkeypatch.setattr(trials, "again", lambda genes, draws, *, doubt: seen.reshape(5, draws, 2))
+    best, finals = farthest(trials, SearchSettings(accept="mean", doubt=DOUBT), points, 20)
+    assert np.array_equal(best, points[taken]) and (finals.runs, finals.falls) == (40, falls[taken])
 
 
 def test_few_rollouts_are_not_exceeded(trials) -> None:

@@ -84,9 +84,9 @@ def test_once_one_walked_the_better_of_two_searches_is_taken_in_the_simulators_o
         _, before, reached, near, new = compared[-1]
         assert np.array_equal(before, [genes]) and reached == 0.5 and not np.array_equal(near, new)
         assert [*genes_of(gait).values()] == pytest.approx([near, new][taken].tolist())
-        # of four: the way to the gait nearby is looked at in all of them
-        assert len(gait.trials) == 4 and gait.trials[-1].simulator == earlier
-        assert gait.cost.rollouts <= HOW["rollouts"] + 11 * 4
+        # of five: the way to the gait nearby is looked at in all of them
+        assert len(gait.trials) == 5 and gait.trials[-1].simulator == earlier
+        assert gait.cost.rollouts <= HOW["rollouts"] + (3 + 2) * 40
         (many,) = re.findall(r"(\d+) gaits near the one that walked, and (\d+)", gait.notes[0])
         assert gait.evaluations == int(many[taken]) and ("first", "second")[taken] in gait.notes[0]
     assert {"search 1 of 2", "search 2 of 2"} <= {*stages}

@@ -92,8 +92,9 @@ def test_once_a_gait_walked_the_search_near_it_shares_the_rollouts_with_one_of_t
     for settings, rollouts in ((GaitSettings(), ROLLOUTS_IN_DRAWS), (GaitSettings(rollouts=500), 500)):
         near, whole = settings.searches(16, HAD)
         assert near.near and not whole.near and (near.doubt, whole.doubt) == (0.1, 0.05)
-        assert (near.rollouts, whole.rollouts) == (0.2 * rollouts, 0.8 * rollouts)
-        assert near.tried == whole.tried == HAD.genes and near.seed == whole.seed
+        assert (near.rollouts, whole.rollouts) == (rollouts // 4, rollouts - rollouts // 4)
+        assert (near.tried, whole.tried) == (HAD.genes, ()) and near.seed == whole.seed
+        assert settings.searches(16, Had(HAD.genes))[0].tried == HAD.genes  # while none has walked
         assert settings.searches(16, Had()) == (settings.search(16),)
     # whose simulators take no turns: one search is dear enough
     (alone,) = GaitSettings(on="nearest").searches(5, HAD)
@@ -109,7 +110,7 @@ def test_so_few_rollouts_as_serve_for_one_gait_serve_for_the_next(method: str) -
         settings = GaitSettings(method=method, rollouts=rollouts)
         searches = settings.searches(settings.many(), HAD)
         assert sum(one.rollouts for one in searches) == rollouts and searches[0].near
-        assert len(searches) == 1 + (rollouts >= 5 * batch)
+        assert len(searches) == 1 + (rollouts >= 4 * batch)
         most = settings.most(searches)
         assert all(one.rollouts >= batch for one in searches)
         # the way is looked at in all of them
