@@ -1,4 +1,4 @@
-"""The search near a gait that walked on the robot, in the simulators that all logs so far tell of."""
+"""The search near a gait that walked on the robot, in simulators of several logs."""
 
 from typing import Unpack
 
@@ -19,10 +19,8 @@ STEP = 0.05  # of the ranges, 1 sigma, at first
 DOUBT = 0.1
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the way from the gait to what the search found
 MORE_FALLS = 0.05  # share of the runs by which a gait may fall more often than the one that walked
-LOOK = (
-    0.35  # of the rollouts, in which all of these are tried: falls in a tenth of the runs show in a hundred
-)
-LOOKED = 4  # times the rollouts of one look at all of these in every simulator, below which none is taken
+# Of the rollouts, in which all points of the way are tried. Who falls in a tenth of the runs shows it in a hundred.
+LOOK = 0.35
 
 
 def may_stay(method: str) -> bool:
@@ -31,8 +29,8 @@ def may_stay(method: str) -> bool:
 
 
 def most_simulators(rollouts: int) -> int:
-    """In how many simulators the way from the gait can be looked at, with so many rollouts in all."""
-    return max(rollouts // (LOOKED * len(SHARES)), 1)
+    """In how many simulators all points of the way can be tried, with so many rollouts in all."""
+    return max(int(LOOK * rollouts) // len(SHARES), 1)
 
 
 def seek_near(trials: Trials, settings: SearchSettings, **followed: Unpack[Followed]) -> Sought:
@@ -46,8 +44,6 @@ def seek_near(trials: Trials, settings: SearchSettings, **followed: Unpack[Follo
         len(SHARES) * k
     )  # runs of one draw of noise and parameters: of all points of the way, in every simulator
     draws = int(settings.again * settings.rollouts) // each
-    if settings.again and not draws and LOOKED * each <= settings.rollouts:
-        draws = 1  # of so many simulators one draw tells enough
     evaluations = settings.rollouts - draws * each
     begin = space.to_unit(np.array(settings.tried[:1]))[0]
     rng, steps = stream(settings.seed, "gait near", settings.method), np.full(len(space), STEP)

@@ -46,7 +46,7 @@ class SearchSettings:
     near : whether the search stays near the first of these; see `near.seek_near`.
     meets : simulators that a batch of gaits meets, of all in turn (`Trials.in_turn`), where the search ranks within
     each batch; None for all. doubt : of the ranges, 1 sigma, by which parameters move in batches that take turns, in
-    the finals and in the runs that predict a trial.
+    the finals and in the runs that predict a trial (once a gait has walked as `near.DOUBT` has it, for both searches).
     again : share of the rollouts in which the best gaits are tried once more, with other motor noise and parameters a
     little off: of many gaits the best is also the one that was luckiest with those of the search.
     """

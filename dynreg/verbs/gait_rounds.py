@@ -49,9 +49,9 @@ def gait_rounds(
 ) -> "GaitRounds":
     """Seek a gait, try it on the robot, ask the query again by the trial's log, and so on until the budget is spent.
 
-    While none has walked, each search first tries the gaits that the robot has had, the best first. Once one has, a
-    search stays near the best; where simulators take turns, another one is of the whole range again, and the robot gets
-    the gait that should do more (`forecast.new_does_more`). An interrupted search goes on.
+    While none has walked, each search first tries the gaits that the robot has had, the best first. Once one has, and
+    the method can, a search stays near the best; where simulators take turns, another one is of the whole range, and
+    the robot gets the gait that should do more (`forecast.new_does_more`). An interrupted search goes on.
 
     Every trial's log is registered, as "NAME trial N". Where it does not tell in which simulators to seek (none is
     close enough, or it is too short), the next gait is sought in those of the round before.

@@ -58,8 +58,7 @@ def searched(
     best = int(new_does_more(trials, np.array(had.genes), had.reached, near, new))
     note = (
         f"two searches shared the rollouts: {found[0].found.evaluations} gaits near the one that walked, and "
-        f"{found[1].found.evaluations} in the whole range. This gait is of the {('first', 'second')[best]}, and so is "
-        "what is told of the search; simulations are of both"
+        f"{found[1].found.evaluations} in the whole range. The {('first', 'second')[best]} one found this gait"
     )
     return Searched(searches[best], found[best], (*paths,), (note,))
 

@@ -58,7 +58,7 @@ def with_earlier(asked: Recorded, chosen: Chosen, ids: Sequence[str], most: int 
     most : of all, at most; where there are more, half are earlier ones, the first before others. A first log of many
     short trials tells more than one of a walk.
     """
-    has = {one.id for one in chosen.simulators}
+    has, kind = {one.id for one in chosen.simulators}, chosen.kinds[-1]
     earlier = [i for i in dict.fromkeys(ids) if i not in has]
     if most is not None and len(has) + len(earlier) > most:
         earlier = earlier[: max(most - len(has), most // 2)]
@@ -68,7 +68,7 @@ def with_earlier(asked: Recorded, chosen: Chosen, ids: Sequence[str], most: int 
             simulators=chosen.simulators[: most - len(earlier)],
         )
     more = _named(asked, earlier)
-    kinds = (*chosen.kinds, *chosen.kinds[-1:] * len(more))
+    kinds = (*chosen.kinds, *[kind] * len(more))
     return replace(chosen, kinds=kinds, simulators=(*chosen.simulators, *more))
 
 

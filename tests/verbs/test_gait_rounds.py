@@ -139,8 +139,13 @@ def test_of_too_many_simulators_half_are_of_earlier_logs(opened, brief) -> None:
     configs = [SimConfig(brief.hash, brief.name, values | {"torque": 1.2 + i / 100}) for i in range(8)]
     ids = [opened.registry.put_simulator(config.as_dict()) for config in configs]
     newest, earlier = ids[:4], ids[4:]
-    chosen = Chosen("posterior", ("answer",) * 4, tuple(simulator(opened.registry, i, brief) for i in newest))
+    chosen = Chosen(
+        "posterior",
+        ("answer", *["posterior"] * 3),
+        tuple(simulator(opened.registry, i, brief) for i in newest),
+    )
     for most, told in (
+        (2, [newest[0], earlier[0]]),
         (4, [*newest[:2], *earlier[:2]]),
         (5, [*newest[:3], *earlier[:2]]),
         (7, [*newest, *earlier[:3]]),
@@ -148,7 +153,11 @@ def test_of_too_many_simulators_half_are_of_earlier_logs(opened, brief) -> None:
         (None, ids),
     ):
         more = with_earlier(asked, chosen, (newest[1], *earlier, earlier[0]), most)
-        assert [one.id for one in more.simulators] == told and len(more.kinds) == len(told)
+        assert [one.id for one in more.simulators] == told
+        assert more.kinds == (
+            "answer",
+            *["posterior"] * (len(told) - 1),
+        )  # only the newest log's is an answer
     assert [one.id for one in with_earlier(asked, chosen, (), 4).simulators] == newest
 
 

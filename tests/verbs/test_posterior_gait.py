@@ -88,7 +88,9 @@ def test_once_one_walked_the_better_of_two_searches_is_taken_in_the_simulators_o
         assert len(gait.trials) == 5 and gait.trials[-1].simulator == earlier
         assert gait.cost.rollouts <= HOW["rollouts"] + (3 + 2) * 40
         (many,) = re.findall(r"(\d+) gaits near the one that walked, and (\d+)", gait.notes[0])
-        assert gait.evaluations == int(many[taken]) and ("first", "second")[taken] in gait.notes[0]
+        assert (
+            gait.evaluations == int(many[taken]) and f"The {('first', 'second')[taken]} one" in gait.notes[0]
+        )
     assert {"search 1 of 2", "search 2 of 2"} <= {*stages}
     # what both may bring is told alike
     assert [how["doubt"] for how in again if how.get("first") == UNSEEN] == [NEAR, NEAR]
