@@ -341,7 +341,7 @@ def _given() -> argparse.Namespace:
     parser.add_argument("--only-kind", choices=("family", "outside"), help="robots of one half alone")
     parser.add_argument("--seed", type=int, default=REPORT, help="by which other robots are drawn")
     parser.add_argument("--registry", default="benchmarks/registry")
-    parser.add_argument("--journal", type=Path, help="[benchmarks/results/gait_hidden_HALF.jsonl]")
+    parser.add_argument("--journal", type=Path, help="[in benchmarks/results, by half and seed]")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--tune", action="store_true", help="the robots of the development; writes no table")
     return parser.parse_args()

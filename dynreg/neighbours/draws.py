@@ -19,9 +19,8 @@ from dynreg.rng import stream
 # Of the linear model's deviations. It is too sure where contacts make residuals wild, and not sure enough where every
 # draw errs more than the answer does.
 WIDTHS = (1.5, 1.0, 0.5, 0.25)
-EACH = (
-    48  # draws of every width: of most of 24 quadrupeds all 16 simulators could be taken of them, of one two
-)
+# Draws of every width: of most of 24 quadrupeds all 16 simulators could be taken of them, of one two.
+EACH = 48
 # Times the least error, of the answer or of a draw, up to which a draw will do: an answer also fits the noise. The true
 # simulators of twelve quadrupeds of the development erred 0.83 to 1.15 times as much as the answers of their queries;
 # bench_gait_ways prints it of others.

@@ -11,7 +11,7 @@ class GaitRound(Result):
     """One gait and its trial on the robot.
 
     gait : id of the stored gait. simulators : ids of those in which it was sought. told_by : id of the recording that
-    the query chose them by; from the second on, some of the rounds before are among them. fits : whether the
+    the query chose them by; those of earlier rounds may be among them, too. fits : whether the
     log before told where to seek; where not, the simulators of the round before served. median, p5, p95 : the fitness
     that they predict. recording : id of the trial's log; name : its name. packaged : number, from 1, of the robot's own
     gait that this is, unchanged; null of a new one.

@@ -5,7 +5,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,9 +16,6 @@ from dynreg.gait.trials import Trials
 from dynreg.progress import Progress
 from dynreg.verbs.gait_simulators import Chosen
 from dynreg.verbs.subjects import Recorded
-
-if TYPE_CHECKING:
-    from dynreg.verbs.gait import Had
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,14 +33,15 @@ def searched(
     chosen: Chosen,
     trials: Trials,
     searches: Sequence[SearchSettings],
-    had: "Had",
+    reached: float,
     *,
     resume: bool,
     progress: Progress | None,
 ) -> Searched:
     """The answer of one search, or of two: near a gait that walked, and of the whole range.
 
-    Raises as `seek` does.
+    reached : the fitness on the robot of the gait that walked, the first of `tried`. resume : whether interrupted
+    searches go on. Raises UsageError as `seek` does.
     """
     found, paths = [], []
     for number, search in enumerate(searches, start=1):
@@ -55,7 +53,7 @@ def searched(
     if len(found) == 1:
         return Searched(searches[0], found[0], (*paths,))
     near, new = (one.genes for one in found)
-    best = int(new_does_more(trials, np.array(had.genes), had.reached, near, new))
+    best = int(new_does_more(trials, np.array(searches[0].tried), reached, near, new))
     note = (
         f"two searches shared the rollouts: {found[0].found.evaluations} gaits near the one that walked, and "
         f"{found[1].found.evaluations} in the whole range. The {('first', 'second')[best]} one found this gait"

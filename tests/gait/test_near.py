@@ -5,17 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dynreg.gait.near import (
-    DOUBT,
-    LOOK,
-    SHARES,
-    STEP,
-    between,
-    farthest,
-    may_stay,
-    most_simulators,
-    seek_near,
-)
+from dynreg.gait.near import DOUBT, SHARES, STEP, between, farthest, may_stay, most_simulators, seek_near
 from dynreg.gait.seek import Finals, SearchSettings
 from dynreg.gait.tasks import task_of
 from dynreg.gait.trials import Simulators, Trials
@@ -33,7 +23,7 @@ def begun(trials: Trials) -> tuple[float, ...]:
 def settings_of(trials: Trials, method: str = "cma", **how) -> SearchSettings:
     return SearchSettings(
         method,
-        **({"rollouts": 150, "again": LOOK, "seed": 3, "doubt": DOUBT} | how),
+        **({"rollouts": 150, "seed": 3, "doubt": DOUBT} | how),
         tried=(begun(trials),),
         near=True,
     )

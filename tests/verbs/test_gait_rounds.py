@@ -154,10 +154,8 @@ def test_of_too_many_simulators_half_are_of_earlier_logs(opened, brief) -> None:
     ):
         more = with_earlier(asked, chosen, (newest[1], *earlier, earlier[0]), most)
         assert [one.id for one in more.simulators] == told
-        assert more.kinds == (
-            "answer",
-            *["posterior"] * (len(told) - 1),
-        )  # only the newest log's is an answer
+        # only the newest log's is an answer
+        assert more.kinds == ("answer", *["posterior"] * (len(told) - 1))
     assert [one.id for one in with_earlier(asked, chosen, (), 4).simulators] == newest
 
 
