@@ -185,12 +185,16 @@ def _rounds(job: Job, walker: Walker, real: SimulatedRobot) -> dict:
                 "problem": str(problem),
             }
         documents = [Gait.model_validate(reg.registry.result(one.gait).document) for one in found.rounds]
-    spent, at = real.spent, (found.best or len(documents)) - 1
-    first = _tried(walker, real, commands(documents[0])[1])
-    real.spent = spent  # the same disturbances for both
-    best = _tried(walker, real, commands(documents[at])[1]) if at else first
-    rounds = [{"real": one.fitness, "fell": one.fell, "fits": one.fits} for one in found.rounds]
-    return {**best, "best": at + 1, "first": first, "rounds": rounds, "spent": asdict(spent)}
+    spent, tried = real.spent, []
+    for document in documents:
+        real.spent = spent  # the same disturbances for all
+        tried.append(_tried(walker, real, commands(document)[1]))
+    rounds = [
+        {"real": one.fitness, "fell": one.fell, "fits": one.fits, "expected": one.expected, "tried": there}
+        for one, there in zip(found.rounds, tried, strict=True)
+    ]
+    best = found.best or len(documents)
+    return {**tried[best - 1], "best": best, "first": tried[0], "rounds": rounds, "spent": asdict(spent)}
 
 
 def _none(step: dict) -> dict:

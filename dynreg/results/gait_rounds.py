@@ -15,7 +15,8 @@ class GaitRound(Result):
     log before told where to seek; where not, the simulators of the round before served. median, p5, p95 : the fitness
     that they predict. recording : id of the trial's log; name : its name. packaged : number, from 1, of the robot's own
     gait that this is, unchanged; null of a new one.
-    fitness : on the robot, in the task's unit, 0 for a fall.
+    fitness : on the robot, in the task's unit, 0 for a fall. expected : the fitness to expect of another trial of the
+    gait, by all trials (see `forecast`); null in older documents.
     """
 
     gait: str
@@ -30,6 +31,7 @@ class GaitRound(Result):
     packaged: int | None
     fitness: float
     fell: bool
+    expected: float | None = None
 
     def outcome(self, unit: str) -> str:
         """What the robot did, beside what was predicted."""
@@ -40,7 +42,8 @@ class GaitRound(Result):
 class GaitRounds(Result):
     """Gaits tried on a robot: after each trial, the query is asked again by the trial's log, and a new gait is sought.
 
-    best : number, from 1, of the round whose gait did most on the robot without a fall; null where all fell.
+    best : number, from 1, of the round whose gait should do most in another trial, of those that stood; null where all
+    fell. In older documents it is the one that did most.
     seconds : how long the trials lasted. ended : why there were no more.
     """
 
@@ -76,4 +79,5 @@ class GaitRounds(Result):
         if self.best is None:
             return f"{many}. No gait stood."
         best = self.rounds[self.best - 1]
-        return f"{many}. The best gait, of trial {self.best}, reached {best.fitness:.3g} {self.unit}."
+        more = "" if best.expected is None else f"; another trial should reach {best.expected:.3g}"
+        return f"{many}. The best gait, of trial {self.best}, reached {best.fitness:.3g} {self.unit}{more}."

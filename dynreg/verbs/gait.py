@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from dynreg.gait.accept import ACCEPT, EACH, USUAL
+from dynreg.gait.had import Had
 from dynreg.progress import Progress
 from dynreg.verbs.settings import Settings, method, option, seed, threads
 from dynreg.verbs.simulators import NOMINAL, OLD, POSTERIOR, WORDS
@@ -103,8 +104,8 @@ class GaitSettings(Settings):
             self.method, accept, rollouts, self.seed, self.patience, AGAIN, self.packaged, **turns
         )
 
-    def searches(self, many: int, had: "Had") -> "tuple[SearchSettings, ...]":
-        """The searches in so many simulators: of the whole range, near a gait that walked, or both.
+    def searches(self, many: int, walked: bool) -> "tuple[SearchSettings, ...]":
+        """The searches in so many simulators: of the whole range, near a gait that `walked`, or both.
 
         Two share the rollouts, the one near the gait first: where simulators take turns, and its share suffices for a
         batch of gaits.
@@ -113,27 +114,13 @@ class GaitSettings(Settings):
         from dynreg.gait.near import may_stay
         from dynreg.search.table import SEARCHES
 
-        whole = replace(self.search(many), tried=had.genes)
-        if not (had.walked and may_stay(self.method)):
+        whole = self.search(many)
+        if not (walked and may_stay(self.method)):
             return (whole,)
         near, share = replace(whole, near=True, doubt=NEAR), int(NEARBY * whole.rollouts)
         if not self.turns or share < SEARCHES[self.method].batch:
             return (near,)
-        # the second sets out from draws of its own: about gaits that it is told it can find one of them again
-        return replace(near, rollouts=share), replace(whole, rollouts=whole.rollouts - share, tried=())
-
-
-@dataclass(frozen=True)
-class Had:
-    """The gaits that the robot has had: genes of each, the best first, and whether that one walked.
-
-    simulators : ids of those in which they were sought. reached : the fitness of the best on the robot.
-    """
-
-    genes: tuple[tuple[float, ...], ...] = ()
-    walked: bool = False
-    simulators: tuple[str, ...] = ()
-    reached: float = 0.0
+        return replace(near, rollouts=share), replace(whole, rollouts=whole.rollouts - share)
 
 
 def gait(
@@ -153,14 +140,13 @@ def gait(
     Raises RobotError if the robot has no such task, NoMatchError if no simulator is close enough, UsageError if there
     are too few simulators.
     """
+    from dynreg.gait.forecast import best_first
     from dynreg.gait.seek import expected
     from dynreg.gait.space import gait_space
     from dynreg.gait.tasks import task_of
-    from dynreg.gait.trials import Trials, simulators_of
-    from dynreg.replay.known import command_rate, known_values
     from dynreg.verbs.gait_document import document
     from dynreg.verbs.gait_searches import searched
-    from dynreg.verbs.gait_simulators import choose, with_earlier
+    from dynreg.verbs.gait_simulators import choose, trials_in, with_earlier
     from dynreg.verbs.query import QuerySettings
 
     began = time.perf_counter()
@@ -171,14 +157,12 @@ def gait(
     settings.search(many).evaluations(many)
     wanted = QuerySettings(k=settings.k, population=settings.population, threads=settings.threads)
     chosen = choose(asked, settings.on, wanted, many, settings.seed, progress)
-    searches = settings.searches(len(chosen.simulators), had)
+    searches = settings.searches(len(chosen.simulators), had.walked)
     if settings.turns or searches[0].near:
         chosen = with_earlier(asked, chosen, had.simulators, settings.most(searches))
-    known = known_values(robot, asked.recording)
-    simulators = simulators_of(robot, [one.config for one in chosen.simulators], known)
-    rate = command_rate(robot, known)
-    trials = Trials(robot, task, simulators, rate=rate, seed=settings.seed, threads=settings.threads)
-    best = searched(asked, chosen, trials, searches, had.reached, resume=settings.resume, progress=progress)
+    trials = trials_in(asked, task, chosen.simulators, seed=settings.seed, threads=settings.threads)
+    had = best_first(trials, had, searches[-1].doubt)
+    best = searched(asked, chosen, trials, searches, had, resume=settings.resume, progress=progress)
     # once a gait has walked, both searches foresee what they bring with the doubt of the one near it
     (unseen,) = expected(trials, best.sought.genes[None], searches[0].doubt)
     about, seconds = (asked.recording.id, asked.name), time.perf_counter() - began

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dynreg.errors import BudgetError, LogError, UsageError
 from dynreg.progress import Progress
 from dynreg.verbs.gait import GaitSettings
-from dynreg.verbs.next_gait import Next, Tried, had, told_by
+from dynreg.verbs.next_gait import Next, Tried, foreseen, had, told_by
 from dynreg.verbs.settings import option
 from dynreg.verbs.simulators import POSTERIOR, WORDS
 
@@ -53,6 +53,8 @@ def gait_rounds(
     the method can, a search stays near the best; where simulators take turns, another one is of the whole range, and
     the robot gets the gait that should do more (`forecast.new_does_more`). An interrupted search goes on.
 
+    The best gait is the one that should do most in another trial (`forecast.forecast`), of those that stood.
+
     Every trial's log is registered, as "NAME trial N". Where it does not tell in which simulators to seek (none is
     close enough, or it is too short), the next gait is sought in those of the round before.
 
@@ -92,6 +94,9 @@ def gait_rounds(
         rounds.append(_round(found, by is last, asked, number, trial, reached))
         say(f"trial {number}: {rounds[-1].outcome(task.unit)}; its log is {rounds[-1].name!r}")
         last = replace(asked, recording=asked.registry.recording(rounds[-1].recording), name=rounds[-1].name)
+    if rounds:
+        expected = foreseen(by, task, tried, settings.each)
+        rounds = [one.model_copy(update={"expected": e}) for one, e in zip(rounds, expected, strict=True)]
     return _document(asked, task, rounds, real.spent.seconds - before, ended)
 
 
@@ -171,7 +176,7 @@ def _document(
     from dynreg.results.gait_rounds import GaitRounds
 
     stood = [i for i, one in enumerate(rounds) if not one.fell]
-    best = max(stood, key=lambda i: rounds[i].fitness, default=None)
+    best = max(stood, key=lambda i: rounds[i].expected, default=None)
     return GaitRounds(
         robot=asked.robot.name,
         recording=asked.recording.id,

@@ -3,13 +3,12 @@
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from dynreg.gait.forecast import new_does_more
+from dynreg.gait.had import Had
 from dynreg.gait.near import seek_near
 from dynreg.gait.seek import SearchSettings, Sought, seek
 from dynreg.gait.trials import Trials
@@ -33,16 +32,17 @@ def searched(
     chosen: Chosen,
     trials: Trials,
     searches: Sequence[SearchSettings],
-    reached: float,
+    had: Had,
     *,
     resume: bool,
     progress: Progress | None,
 ) -> Searched:
     """The answer of one search, or of two: near a gait that walked, and of the whole range.
 
-    reached : the fitness on the robot of the gait that walked, the first of `tried`. resume : whether interrupted
-    searches go on. Raises UsageError as `seek` does.
+    had : the best first. resume : whether interrupted searches go on. Raises UsageError as `seek` does.
     """
+    # a second one sets out from draws of its own: about gaits that it is told it can find one of them again
+    searches = [replace(searches[0], tried=had.genes), *searches[1:]]
     found, paths = [], []
     for number, search in enumerate(searches, start=1):
         key, path = _journal(asked, chosen, trials, search)
@@ -53,7 +53,7 @@ def searched(
     if len(found) == 1:
         return Searched(searches[0], found[0], (*paths,))
     near, new = (one.genes for one in found)
-    best = int(new_does_more(trials, np.array(searches[0].tried), reached, near, new))
+    best = int(new_does_more(trials, had, searches[1].doubt, near, new))
     note = (
         f"two searches shared the rollouts: {found[0].found.evaluations} gaits near the one that walked, and "
         f"{found[1].found.evaluations} in the whole range. The {('first', 'second')[best]} one found this gait"

@@ -6,9 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynreg.errors import NoMatchError, UsageError, command
+from dynreg.gait.tasks import Task
+from dynreg.gait.trials import Trials, simulators_of
 from dynreg.neighbours.draws import drawn
 from dynreg.neighbours.query import choose as replayed
 from dynreg.progress import Progress
+from dynreg.replay.known import command_rate, known_values
 from dynreg.results.neighbours import Neighbours
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.config import SimConfig
@@ -43,13 +46,22 @@ def choose(
     if on in WORDS and WORDS[on].made_by == "query":
         found = _close_enough(asked, settings, progress)
         if on == "nearest":
-            named = _named(asked, [n.entry for n in found.neighbours])
+            named = simulators_named(asked, [n.entry for n in found.neighbours])
             source = asked.registry.latest("neighbours", asked.recording.id).id
             return Chosen(on, ("neighbour",) * len(named), named, source)
     refs = [ref.strip() for ref in on.split(",")]
-    named = _named(asked, refs)
+    named = simulators_named(asked, refs)
     kinds = tuple(ref if ref in WORDS else _kind(one) for ref, one in zip(refs, named, strict=True))
     return Chosen(on, kinds, named, named[0].source)
+
+
+def trials_in(
+    asked: Recorded, task: Task, simulators: Sequence[Simulator], *, seed: int, threads: int
+) -> Trials:
+    """Trials of the gaits of a task in simulators, with what the recording tells of the robot and of its commands."""
+    robot, known = asked.robot, known_values(asked.robot, asked.recording)
+    configs = simulators_of(robot, [one.config for one in simulators], known)
+    return Trials(robot, task, configs, rate=command_rate(robot, known), seed=seed, threads=threads)
 
 
 def with_earlier(asked: Recorded, chosen: Chosen, ids: Sequence[str], most: int | None = None) -> Chosen:
@@ -67,7 +79,7 @@ def with_earlier(asked: Recorded, chosen: Chosen, ids: Sequence[str], most: int 
             kinds=chosen.kinds[: most - len(earlier)],
             simulators=chosen.simulators[: most - len(earlier)],
         )
-    more = _named(asked, earlier)
+    more = simulators_named(asked, earlier)
     kinds = (*chosen.kinds, *[kind] * len(more))
     return replace(chosen, kinds=kinds, simulators=(*chosen.simulators, *more))
 
@@ -77,7 +89,8 @@ def _kind(one: Simulator) -> str:
     return "entry" if one.lineage.get("kind") == "entry" else "simulator"
 
 
-def _named(asked: Recorded, refs: Sequence[str]) -> tuple[Simulator, ...]:
+def simulators_named(asked: Recorded, refs: Sequence[str]) -> tuple[Simulator, ...]:
+    """The simulators of these ids or words, of the recording's robot."""
     found = (simulator(asked.registry, ref, asked.robot, asked.recording.id) for ref in refs)
     return tuple(own(one, asked.robot) for one in found)
 
@@ -108,7 +121,9 @@ def _posterior(
     values = drawn(subject.case, found, many, stream_seed(seed, "gait simulators"))
     source = asked.registry.latest("neighbours", asked.recording.id).id
     made = _made(asked, values[1:], POSTERIOR)
-    return Chosen(POSTERIOR, ("answer", *made.kinds), (*_named(asked, [answer]), *made.simulators), source)
+    return Chosen(
+        POSTERIOR, ("answer", *made.kinds), (*simulators_named(asked, [answer]), *made.simulators), source
+    )
 
 
 def _nominal(asked: Recorded, settings: QuerySettings, seed: int) -> Chosen:
@@ -132,7 +147,7 @@ def _random(asked: Recorded, settings: QuerySettings, seed: int) -> Chosen:
         )
     ids = asked.registry.load(identity, ()).ids
     drawn = stream(seed, "gait simulators").choice(len(ids), settings.k, replace=False)
-    return Chosen("random", ("random",) * settings.k, _named(asked, [ids[i] for i in drawn]))
+    return Chosen("random", ("random",) * settings.k, simulators_named(asked, [ids[i] for i in drawn]))
 
 
 _MADE: dict[str, Callable[[Recorded, QuerySettings, int], Chosen]] = {

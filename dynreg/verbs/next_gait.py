@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dynreg.errors import LogError, NoMatchError, UsageError
+from dynreg.gait.had import Had
 from dynreg.progress import Progress
-from dynreg.verbs.gait import GaitSettings, Had, gait
+from dynreg.verbs.gait import GaitSettings, gait
 
 if TYPE_CHECKING:
     from dynreg.gait.tasks import Task
@@ -25,17 +26,39 @@ class Tried:
 
 
 def had(robot: "Robot", task: "Task", tried: Sequence[Tried]) -> Had:
-    """What the next search is told of the gaits that the robot has had; one that reached `task.success` walked."""
+    """What the next search is told of the gaits that the robot has had.
+
+    One walked where it stood and reached `task.success`.
+    """
     from dynreg.gait.space import gait_space
     from dynreg.verbs.gaits import genes_of
 
-    space, order = gait_space(robot, task.motion), sorted(tried, key=lambda one: -one.reached)
+    space = gait_space(robot, task.motion)
     return Had(
-        genes=tuple(tuple(space.from_dict(genes_of(one.gait)).tolist()) for one in order),
-        walked=bool(order) and not order[0].fell and order[0].reached >= task.success,
-        reached=order[0].reached if order else 0.0,
+        genes=tuple(tuple(space.from_dict(genes_of(one.gait)).tolist()) for one in tried),
+        reached=tuple(one.reached for one in tried),
+        fell=tuple(one.fell for one in tried),
+        walked=any(not one.fell and one.reached >= task.success for one in tried),
         simulators=tuple(trial.simulator for one in tried for trial in one.gait.trials),
     )
+
+
+def foreseen(
+    asked: "Recorded", task: "Task", tried: Sequence[Tried], settings: GaitSettings
+) -> tuple[float, ...]:
+    """The fitness to expect of another trial of each gait, by all trials and the simulators of the last gait.
+
+    asked : the recording that told these.
+    """
+    from dynreg.gait.forecast import forecast
+    from dynreg.verbs.gait_simulators import simulators_named, trials_in
+
+    last = tried[-1].gait
+    simulators = simulators_named(asked, [one.simulator for one in last.trials])
+    trials = trials_in(asked, task, simulators, seed=last.seed, threads=settings.threads)
+    tries = had(asked.robot, task, tried)
+    told = forecast(trials, tries, settings.searches(len(simulators), tries.walked)[-1].doubt)
+    return (*told.values.tolist(),)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ import toy_dog
 from dynreg import session
 from dynreg.data.recording import Recording
 from dynreg.errors import LogError, MapError, NoMatchError, UsageError
+from dynreg.gait.had import Had
 from dynreg.gait.logged import LoggedRobot
 from dynreg.gait.near import DOUBT as NEAR
 from dynreg.gait.play import commands
@@ -27,7 +28,7 @@ from dynreg.session import Session
 from dynreg.sim.config import SimConfig
 from dynreg.sim.real import Budget, SimulatedRobot, Spent
 from dynreg.sim.robot import Robot, load_robot
-from dynreg.verbs.gait import GaitSettings, Had
+from dynreg.verbs.gait import GaitSettings
 from dynreg.verbs.gait import gait as seek
 from dynreg.verbs.gait_simulators import Chosen, with_earlier
 from dynreg.verbs.gaits import genes_of
@@ -74,7 +75,7 @@ def test_each_trials_log_tells_where_the_next_gait_is_sought(
     real, told = robot_of(brief), []
 
     def gait(asked, settings, progress, *, had):
-        told.append(had.genes)
+        told.append(had)
         assert settings.resume  # an interrupted search goes on
         return seek(asked, settings, progress, had=had)
 
@@ -96,14 +97,15 @@ def test_each_trials_log_tells_where_the_next_gait_is_sought(
         trial = again.run(commands(gait)[1], gait.rate, f"trial_{number}")
         assert one.fell == trial.fell and opened.registry.holds(trial.recording.id)
         assert one.fitness == pytest.approx(float(fitness(task_of(brief).grade(trial.walk))[0, 0]))
-    stood = [one.fitness for one in found.rounds if not one.fell]
+    stood = [one.expected for one in found.rounds if not one.fell]
     assert found.falls == 3 - len(stood)
-    assert found.best is None if not stood else found.rounds[found.best - 1].fitness == max(stood)
+    assert found.best is None if not stood else found.rounds[found.best - 1].expected == max(stood)
     assert gaits[0].seed == 0 and len({g.seed for g in gaits}) == 3
-    # those that the robot has had are tried first in the next search, the best before the others
+    # what the robot has had is told to the next search
     genes = [tuple(gait_space(brief).from_dict(genes_of(g))) for g in gaits]
-    best, other = sorted((0, 1), key=lambda i: -found.rounds[i].fitness)
-    assert told == [(), (genes[0],), (genes[best], genes[other])]
+    reached = [one.fitness for one in found.rounds]
+    assert [one.genes for one in told] == [(), (genes[0],), (*genes[:2],)]
+    assert [one.reached for one in told] == [(), (reached[0],), (*reached[:2],)]
 
 
 def test_once_a_gait_walked_the_next_is_sought_near_it_in_the_simulators_of_all_logs(
@@ -116,12 +118,15 @@ def test_once_a_gait_walked_the_next_is_sought_near_it_in_the_simulators_of_all_
     space = gait_space(brief)
     best, other = (tuple(space.feasible(space.from_unit(u[None]))[0]) for u in space.starts[:2])
     newest, earlier = opened.ids[1], opened.ids[0]  # as the fixture's query tells of "log" and of a trial
-    told = lambda walked: Had((best, other), walked, (newest, earlier, earlier))  # noqa: E731
+    told = lambda walked: Had(  # noqa: E731
+        (best, other), (0.9, 0.1), (False, False), walked, (newest, earlier, earlier)
+    )
     near = seek(asked, settings, had=told(walked=True))
     moved = [how["doubt"] for how in again if how.get("doubt")]
     assert set(moved) == {NEAR}  # in the search, on the way and in what a trial may bring
     assert [t.simulator for t in near.trials] == [newest, earlier] and near.seed == settings.seed
-    assert near.cost.rollouts <= 150 + 2 + 40  # a gait costs a run, and 40 in all tell what it may bring
+    # a gait costs a run, and 40 in all tell what it may bring; what the two will do on the robot, twice as many each
+    assert near.cost.rollouts <= 150 + 2 + 40 + 2 * 2 * 40
     assert [t.simulator for t in seek(asked, settings, had=told(walked=False)).trials] == [newest]
 
 
@@ -159,14 +164,14 @@ def test_of_too_many_simulators_half_are_of_earlier_logs(opened, brief) -> None:
     assert [one.id for one in with_earlier(asked, chosen, (), 4).simulators] == newest
 
 
-def test_the_best_gait_walked_where_it_stood_and_reached_what_counts_as_success(opened, brief) -> None:
+def test_a_gait_walked_where_it_stood_and_reached_what_counts_as_success(opened, brief) -> None:
     task, gaits = task_of(brief), [opened.gait("log", **(ASKED | {"seed": seed})) for seed in (1, 2)]
     genes = [tuple(gait_space(brief).from_dict(genes_of(g))) for g in gaits]
     for reached, walked in ((0.9, True), (task.success, True), (0.9 * task.success, False)):
         told = had(brief, task, [Tried(gaits[0], 0.0, True), Tried(gaits[1], reached, False)])
-        assert told.genes == (genes[1], genes[0]) and told.walked == walked
+        assert told.genes == (*genes,) and told.walked == walked
         assert told.simulators == tuple(t.simulator for g in gaits for t in g.trials)
-        assert told.reached == reached
+        assert told.reached == (0.0, reached) and told.fell == (True, False)
     for fitness_there in (0.0, 0.9):  # a fall behind the goal is a fall
         assert not had(brief, task, [Tried(gaits[0], fitness_there, True)]).walked
     assert not had(brief, task, []).walked

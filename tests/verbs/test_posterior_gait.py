@@ -10,13 +10,14 @@ from secret_servo import TRAINING
 
 from dynreg import session
 from dynreg.errors import NoMatchError
+from dynreg.gait.had import Had
 from dynreg.gait.near import DOUBT as NEAR
 from dynreg.gait.seek import UNSEEN
 from dynreg.gait.space import gait_space
 from dynreg.gait.trials import Trials
 from dynreg.results import Gait
 from dynreg.session import Session
-from dynreg.verbs.gait import GaitSettings, Had
+from dynreg.verbs.gait import DOUBT, GaitSettings
 from dynreg.verbs.gait import gait as seek
 from dynreg.verbs.gaits import genes_of
 from dynreg.verbs.subjects import recorded
@@ -74,15 +75,15 @@ def test_once_one_walked_the_better_of_two_searches_is_taken_in_the_simulators_o
     asked = recorded(opened.registry, "log", ingest=True)
     genes = tuple(gait_space(brief).from_dict(genes_of(found)).tolist())
     earlier = opened.gait("log", seed=1, **HOW).trials[1].simulator
-    had = Had((genes,), walked=True, simulators=(earlier,), reached=0.5)
+    had = Had((genes,), (0.5,), (False,), walked=True, simulators=(earlier,))
     compared, stages, again, own = [], [], [], Trials.again
     monkeypatch.setattr(Trials, "again", lambda self, *a, **how: again.append(how) or own(self, *a, **how))
     for taken in (False, True):
         told = lambda *given, taken=taken: compared.append(given) or taken  # noqa: E731
         monkeypatch.setattr("dynreg.verbs.gait_searches.new_does_more", told)
         gait = seek(asked, GaitSettings(**HOW), lambda *told: stages.append(told[0]), had=had)
-        _, before, reached, near, new = compared[-1]
-        assert np.array_equal(before, [genes]) and reached == 0.5 and not np.array_equal(near, new)
+        _, before, doubt, near, new = compared[-1]
+        assert before == had and doubt == DOUBT and not np.array_equal(near, new)
         assert [*genes_of(gait).values()] == pytest.approx([near, new][taken].tolist())
         # of five: the way to the gait nearby is looked at in all of them
         assert len(gait.trials) == 5 and gait.trials[-1].simulator == earlier
@@ -102,7 +103,7 @@ def test_once_one_walked_the_better_of_two_searches_is_taken_in_the_simulators_o
 def test_the_second_search_goes_on_where_it_was_interrupted(found: Gait, opened: Session, brief) -> None:
     asked, done = recorded(opened.registry, "log", ingest=True), []
     genes = tuple(gait_space(brief).from_dict(genes_of(found)).tolist())
-    had = Had((genes,), walked=True, reached=0.5)
+    had = Had((genes,), (0.5,), (False,), walked=True)
     whole = seek(asked, GaitSettings(**HOW), had=had)
 
     def interrupt(stage: str, at: int, total: int) -> None:

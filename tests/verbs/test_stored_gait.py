@@ -23,7 +23,7 @@ from dynreg.sim.config import SimConfig
 from dynreg.sim.excitation import excitation
 from dynreg.sim.real import SimulatedRobot
 from dynreg.sim.robot import load_robot
-from dynreg.verbs.gait import MANY, MEETS, SOURCES, GaitSettings, Had
+from dynreg.verbs.gait import MANY, MEETS, SOURCES, GaitSettings
 from dynreg.verbs.gait import ROLLOUTS as ROLLOUTS_IN_DRAWS
 from dynreg.verbs.simulators import NAMES
 
@@ -85,21 +85,17 @@ def test_draws_of_the_posterior_take_turns() -> None:
     assert GaitSettings(on="nearest").search(16).met(16) == 16
 
 
-HAD = Had(((0.5,), (0.4,)), walked=True)
-
-
 def test_once_a_gait_walked_the_search_near_it_shares_the_rollouts_with_one_of_the_whole_range() -> None:
     for settings, rollouts in ((GaitSettings(), ROLLOUTS_IN_DRAWS), (GaitSettings(rollouts=500), 500)):
-        near, whole = settings.searches(16, HAD)
+        near, whole = settings.searches(16, walked=True)
         assert near.near and not whole.near and (near.doubt, whole.doubt) == (0.1, 0.05)
         assert (near.rollouts, whole.rollouts) == (rollouts // 4, rollouts - rollouts // 4)
-        assert (near.tried, whole.tried) == (HAD.genes, ()) and near.seed == whole.seed
-        assert settings.searches(16, Had(HAD.genes))[0].tried == HAD.genes  # while none has walked
-        assert settings.searches(16, Had()) == (settings.search(16),)
+        assert near.seed == whole.seed
+        assert settings.searches(16, walked=False) == (settings.search(16),)
     # whose simulators take no turns: one search is dear enough
-    (alone,) = GaitSettings(on="nearest").searches(5, HAD)
+    (alone,) = GaitSettings(on="nearest").searches(5, walked=True)
     assert alone.near and alone.rollouts == GaitSettings(on="nearest").search(5).rollouts
-    (anew,) = GaitSettings(method="hill").searches(5, HAD)  # which cannot stay near a gait
+    (anew,) = GaitSettings(method="hill").searches(5, walked=True)  # which cannot stay near a gait
     assert not anew.near and anew.rollouts == ROLLOUTS_IN_DRAWS
 
 
@@ -108,7 +104,7 @@ def test_so_few_rollouts_as_serve_for_one_gait_serve_for_the_next(method: str) -
     batch = SEARCHES[method].batch
     for rollouts in range(batch, 1000):
         settings = GaitSettings(method=method, rollouts=rollouts)
-        searches = settings.searches(settings.many(), HAD)
+        searches = settings.searches(settings.many(), walked=True)
         assert sum(one.rollouts for one in searches) == rollouts and searches[0].near
         assert len(searches) == 1 + (rollouts >= 4 * batch)
         most = settings.most(searches)
@@ -117,8 +113,8 @@ def test_so_few_rollouts_as_serve_for_one_gait_serve_for_the_next(method: str) -
         assert 5 <= 5 * most <= max(0.35 * searches[0].rollouts, 5)
         for one in searches[1:]:
             assert one.evaluations(most) >= batch and one.met(most) == min(MEETS, most)
-    assert GaitSettings().most(GaitSettings().searches(16, HAD)) == MANY
-    assert GaitSettings(on="nearest").most(GaitSettings(on="nearest").searches(5, HAD)) is None
+    assert GaitSettings().most(GaitSettings().searches(16, walked=True)) == MANY
+    assert GaitSettings(on="nearest").most(GaitSettings(on="nearest").searches(5, walked=True)) is None
 
 
 def test_a_gait_is_stored_and_comes_back(found: Gait, opened: Session) -> None:
