@@ -54,7 +54,7 @@ def _rows(result: GaitRounds) -> list[dict[str, Any]]:
             f"fitness [{result.unit}]": one.fitness,
             "predicted": one.median,
             "90 %": f"{one.p5:.3g} to {one.p95:.3g}",
-            "expected of another": one.expected,
+            "again": one.expected,
             "log": one.name,
         }
         for i, one in enumerate(result.rounds)
