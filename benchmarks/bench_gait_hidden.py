@@ -191,7 +191,7 @@ def _rounds(job: Job, walker: Walker, real: SimulatedRobot) -> dict:
         real.spent = spent  # the same disturbances for all
         tried.append(_tried(walker, real, commands(document)[1]))
     rounds = [
-        {"real": one.fitness, "fell": one.fell, "fits": one.fits, "expected": one.expected, "tried": there}
+        {"real": one.fitness, "fell": one.fell, "fits": one.fits, "again": one.again, "tried": there}
         for one, there in zip(found.rounds, tried, strict=True)
     ]
     best = found.best or len(documents)
@@ -199,8 +199,13 @@ def _rounds(job: Job, walker: Walker, real: SimulatedRobot) -> dict:
 
 
 def _luckiest(rounds: Sequence[dict]) -> dict:
-    """What the gait does that reached most in its one trial; nothing where none was tried."""
-    return max(rounds, key=lambda one: one["real"])["tried"] if rounds else {}
+    """What the gait does that reached most in its one trial without a fall (the last where all fell), and its number.
+
+    Nothing where none was tried.
+    """
+    stood = [i for i, one in enumerate(rounds) if not one["fell"]]
+    at = max(stood, key=lambda i: rounds[i]["real"], default=len(rounds) - 1)
+    return {**rounds[at]["tried"], "best": at + 1} if rounds else {}
 
 
 def _none(step: dict) -> dict:
@@ -233,7 +238,7 @@ def table(steps: dict[tuple[str, str], dict], robots: Iterable[str], seconds: fl
             for source in (s for s in ("rounds", "luckiest") if s in speed):
                 gain = _boot(lambda d, o: d - o, speed[source], speed["first"])
                 gain["better"] = int((speed[source] > speed["first"]).sum())
-                gain["the same gait"] = int((speed[source] == speed["first"]).sum())
+                gain["the same gait"] = sum(c.get("best") == 1 for c in cells[source])
                 gains[f"{source} - their first gait"] = gain
         told = {
             name: steps[name, "naming"].get("causes", steps[name, "naming"].get("problem"))

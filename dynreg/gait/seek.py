@@ -32,9 +32,8 @@ ROUNDS = (
 DRAWS = 2  # of the first round, over all simulators
 FINALISTS = 4  # at least, or none is tried again
 DOUBT = 0.03  # of the ranges, 1 sigma, by which parameters move then: no simulator is the robot
-# Runs of a gait that no choice has seen; they begin at a draw that no round of finals reaches. Those that compare the
-# gaits of two searches begin behind them.
-EXPECTED, UNSEEN, COMPARED = 40, 10_000, 20_000
+# Runs of a gait that no choice has seen; they begin at a draw that no round of finals reaches.
+EXPECTED, UNSEEN = 40, 10_000
 
 
 @dataclass(frozen=True)
@@ -241,10 +240,15 @@ def answer(
     )
 
 
-def expected(trials: Trials, genes: np.ndarray, doubt: float = DOUBT, *, first: int = UNSEEN) -> np.ndarray:
-    """(n, runs) grades of gaits (n, G) in all simulators, under motor noise and parameters that no choice has seen."""
+def expected(
+    trials: Trials, genes: np.ndarray, doubt: float = DOUBT, *, first: int = UNSEEN, moved: int | None = None
+) -> np.ndarray:
+    """(n, runs) grades of gaits (n, G) in all simulators, under motor noise and parameters that no choice has seen.
+
+    doubt, first, moved : see `Trials.again`.
+    """
     draws = -(-EXPECTED // len(trials.simulators))
-    return trials.again(genes, draws, first=first, doubt=doubt).reshape(len(genes), -1)
+    return trials.again(genes, draws, first=first, doubt=doubt, moved=moved).reshape(len(genes), -1)
 
 
 def best_again(

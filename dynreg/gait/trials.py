@@ -110,23 +110,26 @@ class Trials:
         *,
         first: int = 0,
         doubt: float = 0.0,
+        moved: int | None = None,
         only: Sequence[int] | None = None,
     ) -> np.ndarray:
         """(n, draws, k) grades of gaits (n, G) with other draws of every simulator's motor noise.
 
         first : draws with lower numbers were seen before. doubt : 1 sigma, as a share of the ranges, by which every
-        draw moves the parameters that the lab does not know, too. only : numbers of the k simulators in which they run;
-        by default in all.
+        draw moves the parameters that the lab does not know, too. moved : they move as in the draws from this number
+        on, so that the noise alone is another; by default as in these draws. only : numbers of the k simulators in
+        which they run; by default in all.
         """
         only = range(len(self.simulators)) if only is None else only
         simulators = self.simulators.take(only)
         k, space = len(simulators), self.robot.space
         terms = simulators.terms and simulators.terms.tiled(draws)
         values = np.tile(simulators.values, (draws, 1))
-        seeds = [stream_seed(self._seed, "again", first + d) % 2**62 for d in range(draws)]
+        seeds = self._seeds(first, draws)
         if doubt:
             all_of_them = (len(self.simulators), len(space))  # one does what it does beside others
-            moves = [stream(s, "doubt").standard_normal(all_of_them)[list(only)] for s in seeds]
+            of_moves = seeds if moved is None else self._seeds(moved, draws)
+            moves = [stream(s, "doubt").standard_normal(all_of_them)[list(only)] for s in of_moves]
             unit = space.to_unit(values)
             # what lies outside the ranges is there on purpose, and must not be drawn into them
             stays = np.array([p.known for p in space.parameters]) | (unit < 0.0) | (unit > 1.0)
@@ -167,6 +170,9 @@ class Trials:
         run = Run(actions[None], period=1.0 / self.rate, noise=self._noise)
         arena = self._arena(run)
         return arena.model(simulator), arena.poses(run)[simulator, 0]
+
+    def _seeds(self, first: int, draws: int) -> list[int]:
+        return [stream_seed(self._seed, "again", first + d) % 2**62 for d in range(draws)]
 
     def _order(self, number: int) -> np.ndarray:
         return stream(self._seed, "gait turns", number).permutation(len(self.simulators))

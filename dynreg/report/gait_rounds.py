@@ -54,7 +54,7 @@ def _rows(result: GaitRounds) -> list[dict[str, Any]]:
             f"fitness [{result.unit}]": one.fitness,
             "predicted": one.median,
             "90 %": f"{one.p5:.3g} to {one.p95:.3g}",
-            "again": one.expected,
+            "again": one.again,
             "log": one.name,
         }
         for i, one in enumerate(result.rounds)
@@ -73,4 +73,5 @@ def _notes(result: GaitRounds) -> list[str]:
         for i, one in enumerate(result.rounds)
         if not one.fits
     ]
-    return [*own, *old]
+    alone = ["of the gaits that stood, the best is the one that did most in its one trial, which may be luck"]
+    return [*own, *old, *(alone if result.best and result.rounds[result.best - 1].again is None else [])]

@@ -15,8 +15,8 @@ class GaitRound(Result):
     log before told where to seek; where not, the simulators of the round before served. median, p5, p95 : the fitness
     that they predict. recording : id of the trial's log; name : its name. packaged : number, from 1, of the robot's own
     gait that this is, unchanged; null of a new one.
-    fitness : on the robot, in the task's unit, 0 for a fall. expected : the fitness to expect of another trial of the
-    gait, by all trials (see `forecast`); null in older documents.
+    fitness : on the robot, in the task's unit, 0 for a fall. again : the fitness to expect of another
+    trial of the gait, by all trials and by simulators; null in older documents, and where the registry lacks these.
     """
 
     gait: str
@@ -31,7 +31,12 @@ class GaitRound(Result):
     packaged: int | None
     fitness: float
     fell: bool
-    expected: float | None = None
+    again: float | None = None
+
+    @property
+    def told(self) -> float:
+        """The fitness by which the best is chosen: what to expect of another trial or, without that, this one's."""
+        return self.fitness if self.again is None else self.again
 
     def outcome(self, unit: str) -> str:
         """What the robot did, beside what was predicted."""
@@ -43,7 +48,7 @@ class GaitRounds(Result):
     """Gaits tried on a robot: after each trial, the query is asked again by the trial's log, and a new gait is sought.
 
     best : number, from 1, of the round whose gait should do most in another trial, of those that stood; null where all
-    fell. In older documents it is the one that did most.
+    fell. Where `again` is null, it is the one that did most.
     seconds : how long the trials lasted. ended : why there were no more.
     """
 
@@ -79,5 +84,5 @@ class GaitRounds(Result):
         if self.best is None:
             return f"{many}. No gait stood."
         best = self.rounds[self.best - 1]
-        more = "" if best.expected is None else f"; another trial should reach {best.expected:.3g}"
+        more = "" if best.again is None else f"; another trial should reach {best.again:.3g}"
         return f"{many}. The best gait, of trial {self.best}, reached {best.fitness:.3g} {self.unit}{more}."

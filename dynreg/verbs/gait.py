@@ -157,11 +157,12 @@ def gait(
     settings.search(many).evaluations(many)
     wanted = QuerySettings(k=settings.k, population=settings.population, threads=settings.threads)
     chosen = choose(asked, settings.on, wanted, many, settings.seed, progress)
-    searches = settings.searches(len(chosen.simulators), had.walked)
+    searches = settings.searches(len(chosen.simulators), any(had.walked))
     if settings.turns or searches[0].near:
         chosen = with_earlier(asked, chosen, had.simulators, settings.most(searches))
     trials = trials_in(asked, task, chosen.simulators, seed=settings.seed, threads=settings.threads)
-    had = best_first(trials, had, searches[-1].doubt)
+    if searches[0].near:
+        had = best_first(trials, had)
     best = searched(asked, chosen, trials, searches, had, resume=settings.resume, progress=progress)
     # once a gait has walked, both searches foresee what they bring with the doubt of the one near it
     (unseen,) = expected(trials, best.sought.genes[None], searches[0].doubt)

@@ -39,7 +39,9 @@ def searched(
 ) -> Searched:
     """The answer of one search, or of two: near a gait that walked, and of the whole range.
 
-    had : the best first. resume : whether interrupted searches go on. Raises UsageError as `seek` does.
+    had : where one walked, the best first. resume : whether interrupted searches go on.
+
+    Raises UsageError as `seek` does.
     """
     # a second one sets out from draws of its own: about gaits that it is told it can find one of them again
     searches = [replace(searches[0], tried=had.genes), *searches[1:]]
@@ -53,7 +55,7 @@ def searched(
     if len(found) == 1:
         return Searched(searches[0], found[0], (*paths,))
     near, new = (one.genes for one in found)
-    best = int(new_does_more(trials, had, searches[1].doubt, near, new))
+    best = int(new_does_more(trials, had, near, new))
     note = (
         f"two searches shared the rollouts: {found[0].found.evaluations} gaits near the one that walked, and "
         f"{found[1].found.evaluations} in the whole range. The {('first', 'second')[best]} one found this gait"

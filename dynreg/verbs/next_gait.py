@@ -26,10 +26,7 @@ class Tried:
 
 
 def had(robot: "Robot", task: "Task", tried: Sequence[Tried]) -> Had:
-    """What the next search is told of the gaits that the robot has had.
-
-    One walked where it stood and reached `task.success`.
-    """
+    """What the next search is told of the gaits that the robot has had."""
     from dynreg.gait.space import gait_space
     from dynreg.verbs.gaits import genes_of
 
@@ -37,28 +34,25 @@ def had(robot: "Robot", task: "Task", tried: Sequence[Tried]) -> Had:
     return Had(
         genes=tuple(tuple(space.from_dict(genes_of(one.gait)).tolist()) for one in tried),
         reached=tuple(one.reached for one in tried),
-        fell=tuple(one.fell for one in tried),
-        walked=any(not one.fell and one.reached >= task.success for one in tried),
+        walked=tuple(not one.fell and one.reached >= task.success for one in tried),
         simulators=tuple(trial.simulator for one in tried for trial in one.gait.trials),
     )
 
 
-def foreseen(
-    asked: "Recorded", task: "Task", tried: Sequence[Tried], settings: GaitSettings
-) -> tuple[float, ...]:
-    """The fitness to expect of another trial of each gait, by all trials and the simulators of the last gait.
+def forecasts(asked: "Recorded", task: "Task", tried: Sequence[Tried], threads: int) -> tuple[float, ...]:
+    """The fitness to expect of another trial of each gait, by all trials, in the simulators of the last gait.
 
-    asked : the recording that told these.
+    asked : the recording that told these. Raises NoMatchError where the registry does not hold them.
     """
     from dynreg.gait.forecast import forecast
+    from dynreg.rng import stream_seed
     from dynreg.verbs.gait_simulators import simulators_named, trials_in
 
     last = tried[-1].gait
     simulators = simulators_named(asked, [one.simulator for one in last.trials])
-    trials = trials_in(asked, task, simulators, seed=last.seed, threads=settings.threads)
-    tries = had(asked.robot, task, tried)
-    told = forecast(trials, tries, settings.searches(len(simulators), tries.walked)[-1].doubt)
-    return (*told.values.tolist(),)
+    seed = stream_seed(last.seed, "after the trials") % 2**31  # draws by which no gait was chosen
+    trials = trials_in(asked, task, simulators, seed=seed, threads=threads)
+    return (*forecast(trials, had(asked.robot, task, tried)).values.tolist(),)
 
 
 @dataclass(frozen=True)

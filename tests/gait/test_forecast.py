@@ -12,45 +12,43 @@ from dynreg.gait.seek import COMPARED, EXPECTED, UNSEEN
 from dynreg.gait.trials import Trials
 
 FELL = -999.0
-DOUBT = 0.05
-SIMULATORS, RUNS = 2, 4000  # so many draws of each that what is estimated is what was drawn
+SIMULATORS, RUNS = 2, 8000  # so many draws of each that what is estimated is what was drawn
 
 
 def gaits(many: int) -> tuple[tuple[float, ...], ...]:
     return tuple((float(i), 0.5) for i in range(many))
 
 
-def had(*reached: float, fell: tuple[bool, ...] = ()) -> Had:
-    return Had(gaits(len(reached)), reached, fell or (False,) * len(reached), walked=True)
+def had(*reached: float, walked: tuple[bool, ...] = ()) -> Had:
+    return Had(gaits(len(reached)), reached, walked or (True,) * len(reached))
 
 
-def foretold(monkeypatch: pytest.MonkeyPatch, trials: Trials, moved: np.ndarray, still: np.ndarray) -> list:
-    """Runs (n, draws, 2) that simulators give with moved parameters, and without; what was asked."""
-    asked = []
+def foretold(monkeypatch: pytest.MonkeyPatch, trials: Trials, runs: np.ndarray) -> list:
+    """Runs (2, n, draws, 2) that simulators give, twice with the same parameters; what was asked."""
+    asked, runs = [], [*runs]
 
-    def again(genes: np.ndarray, draws: int, *, first: int, doubt: float = 0.0) -> np.ndarray:
-        asked.append((genes, draws, first, doubt))
-        return moved if doubt else still
+    def again(genes: np.ndarray, draws: int, *, first: int, doubt: float, moved: int) -> np.ndarray:
+        asked.append((genes, draws, first, doubt, moved))
+        return runs[len(asked) % 2 - 1]
 
     monkeypatch.setattr(trials, "again", again)
-    monkeypatch.setattr("dynreg.gait.forecast.EXPECTED", SIMULATORS * RUNS)
     return asked
 
 
-def drawn(
-    means: list[float], shared: np.ndarray, noise: list[float], seed: int = 0
-) -> tuple[np.ndarray, ...]:
-    """Runs of gaits whose values scatter by a covariance (n, n) over simulators, each run with noise of its own."""
-    rng, n = np.random.default_rng(seed), len(means)
+def drawn(means: list[float], shared: np.ndarray, noise: list[float]) -> np.ndarray:
+    """Runs of gaits whose values scatter by a covariance (n, n) over simulators, each run with noise of its own.
+
+    Noise is the same of all gaits, as in one draw of it.
+    """
+    rng = np.random.default_rng(0)
     value = rng.multivariate_normal(means, shared, (RUNS, SIMULATORS)).transpose(2, 0, 1)
-    luck, other = (rng.normal(size=(n, RUNS, SIMULATORS)) * np.array(noise)[:, None, None] for _ in range(2))
-    return value + luck, np.array(means)[:, None, None] + other
+    return value + np.array(noise)[:, None, None] * rng.normal(size=(2, 1, RUNS, SIMULATORS))
 
 
 def test_a_trial_counts_as_far_as_it_is_no_luck(trials, monkeypatch) -> None:
     for noise, share in ((0.01, 1.0), (1.0, 0.5), (3.0, 0.1)):
-        foretold(monkeypatch, trials, *drawn([2.0], np.eye(1), [noise]))
-        (value,) = forecast(trials, had(4.0), DOUBT).values
+        foretold(monkeypatch, trials, drawn([2.0], np.eye(1), [noise]))
+        (value,) = forecast(trials, had(4.0)).values
         assert value == pytest.approx(2.0 + share * 2.0, abs=0.15)
 
 
@@ -60,27 +58,24 @@ def test_a_trial_of_one_gait_tells_of_those_about_which_simulators_are_wrong_ali
     shared = np.array(
         [[1.0, 0.8, 0.0, -0.5], [0.8, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [-0.5, 0.0, 0.0, 1.0]]
     )
-    moved, still = drawn([1.0, 2.0, 3.0, 4.0], shared, [1.0, 0.1, 0.1, 0.1])
-    asked = foretold(monkeypatch, trials, moved, still)
-    told = forecast(trials, had(3.0), DOUBT, *np.array(gaits(4)[1:]))
+    asked = foretold(monkeypatch, trials, drawn([1.0, 2.0, 3.0, 4.0], shared, [1.0, 0.1, 0.1, 0.1]))
+    told = forecast(trials, had(3.0), *np.array(gaits(4)[1:]))
     assert told.values == pytest.approx([2.0, 2.8, 3.0, 3.5], abs=0.15)
-    assert [(draws, first, doubt) for _, draws, first, doubt in asked] == [
-        (RUNS, COMPARED, DOUBT),
-        (RUNS, COMPARED, 0.0),
-    ]
+    draws = EXPECTED // SIMULATORS
+    assert [one[1:] for one in asked] == [(draws, at, DOUBT, COMPARED) for at in (COMPARED, AGAIN)]
+    assert AGAIN >= COMPARED + draws and COMPARED >= UNSEEN + EXPECTED  # draws that no search has seen
     assert all(np.array_equal(genes, gaits(4)) for genes, *_ in asked)
-    assert COMPARED >= UNSEEN + EXPECTED  # draws that no search has seen
 
 
 def test_it_is_the_mean_of_a_gaussian_given_all_trials(trials, monkeypatch) -> None:
     rng = np.random.default_rng(1)
     root = rng.normal(size=(3, 3))
     means, noise, reached = np.array([1.0, 2.0, 3.0]), np.array([0.5, 1.0, 0.2]), np.array([2.0, 1.0])
-    foretold(monkeypatch, trials, *drawn(means.tolist(), root @ root.T, noise.tolist()))
+    foretold(monkeypatch, trials, drawn(means.tolist(), root @ root.T, noise.tolist()))
     precise = np.linalg.inv(root @ root.T)  # by Bayes' rule with precisions, another way round
     trial = np.diag([*1.0 / noise[:2] ** 2, 0.0])
     given = np.linalg.solve(precise + trial, precise @ means + trial @ np.array([*reached, 0.0]))
-    assert forecast(trials, had(*reached), DOUBT, np.array([2.0, 0.5])).values == pytest.approx(
+    assert forecast(trials, had(*reached), np.array([2.0, 0.5])).values == pytest.approx(
         given, abs=0.15
     )
 
@@ -89,7 +84,7 @@ def test_the_same_gait_twice_has_two_trials(trials, monkeypatch) -> None:
     value, luck = np.random.default_rng(2).normal(size=(2, 1, RUNS, SIMULATORS))
     twice = lambda of: np.repeat(of, 2, axis=0)  # noqa: E731  the same draws for both
     foretold(monkeypatch, trials, twice(value + luck), twice(luck))
-    told = forecast(trials, Had(gaits(1) * 2, (3.0, 0.0), (False, False)), DOUBT).values
+    told = forecast(trials, Had(gaits(1) * 2, (3.0, 0.0), (False, False))).values
     assert told == pytest.approx([1.0, 1.0], abs=0.1)  # (3 + 0) / 3, with what was foreseen as a third
 
 
@@ -97,7 +92,7 @@ def test_where_simulators_agree_or_all_fall_what_they_say_stands(trials, monkeyp
     for grade, value in ((2.0, 2.0), (FELL, 0.0)):
         grades = np.full((3, RUNS, SIMULATORS), grade)
         foretold(monkeypatch, trials, grades, grades)
-        told = forecast(trials, had(5.0, 1.0), DOUBT, np.array([2.0, 0.5]))
+        told = forecast(trials, had(5.0, 1.0), np.array([2.0, 0.5]))
         assert told.values.tolist() == [value] * 3 and told.falls.tolist() == [float(grade == FELL)] * 3
 
 
@@ -107,7 +102,7 @@ def test_in_simulators_it_is_the_same_each_time_and_a_far_off_trial_tells_more(t
 
     def tell(*reached: float) -> Forecast:
         tried = Had(tuple(map(tuple, genes[:2])), reached, (False, False))
-        return forecast(trials, tried, DOUBT, genes[2])
+        return forecast(trials, tried, genes[2])
 
     low, again, high = tell(0.1, 0.1), tell(0.1, 0.1), tell(0.4, 0.4)
     assert np.array_equal(low.values, again.values) and ((0 <= low.falls) & (low.falls <= 1)).all()
@@ -116,14 +111,14 @@ def test_in_simulators_it_is_the_same_each_time_and_a_far_off_trial_tells_more(t
 
 def test_those_that_stood_come_first_then_what_should_do_more(trials, monkeypatch) -> None:
     luck = [0.01, 1.0, 0.01, 0.01]
-    foretold(monkeypatch, trials, *drawn([2.0, 1.0, 9.0, 3.0], np.eye(4), luck))
+    foretold(monkeypatch, trials, drawn([2.0, 1.0, 9.0, 3.0], np.eye(4), luck))
     tried = had(2.0, 2.5, 9.0, 3.0, fell=(False, False, True, False))
-    told = best_first(trials, replace(tried, simulators=("a", "b")), DOUBT)
+    told = best_first(trials, replace(tried, simulators=("a", "b")))
     at = [3, 0, 1, 2]  # the second had luck: 1.75
     assert told.genes == tuple(tried.genes[i] for i in at) and told.reached == (3.0, 2.0, 2.5, 9.0)
     assert told.fell == (False, False, False, True) and told.walked and told.simulators == ("a", "b")
     one = had(1.0)
-    assert best_first(trials, one, DOUBT) is one
+    assert best_first(trials, one) is one
 
 
 # {case: (what simulators say of the gait that walked, of one near it, of a new one, and its share of falls; alike
@@ -147,7 +142,7 @@ def test_that_one_is_tried_which_should_do_more_on_the_robot(case: str, trials, 
     moved[2, : round(falls * RUNS)] = FELL
     foretold(monkeypatch, trials, moved, still)
     near, found = np.array(gaits(3)[1:])
-    assert new_does_more(trials, had(reached), DOUBT, near, found) is new
+    assert new_does_more(trials, had(reached), near, found) is new
 
 
 @pytest.mark.parametrize("which", [0, 1])
@@ -155,11 +150,11 @@ def test_where_others_fall_as_often_a_new_one_may(which: int, trials, monkeypatc
     moved, still = drawn([2.0, 3.0, 9.0], np.eye(3), [0.01] * 3)
     moved[[which, 2], : RUNS // 5] = FELL
     foretold(monkeypatch, trials, moved, still)
-    assert new_does_more(trials, had(2.0), DOUBT, *np.array(gaits(3)[1:]))
+    assert new_does_more(trials, had(2.0), *np.array(gaits(3)[1:]))
 
 
 def test_a_gait_that_the_robot_has_had_is_not_new(trials, monkeypatch) -> None:
-    foretold(monkeypatch, trials, *drawn([1.0, 1.0, 1.0, 9.0], np.eye(4), [0.01] * 4))
+    foretold(monkeypatch, trials, drawn([1.0, 1.0, 1.0, 9.0], np.eye(4), [0.01] * 4))
     tried, (near, new) = had(1.0, 1.0), np.array(gaits(4)[2:])
-    assert new_does_more(trials, tried, DOUBT, near, new)
-    assert not any(new_does_more(trials, tried, DOUBT, near, np.array(one)) for one in tried.genes)
+    assert new_does_more(trials, tried, near, new)
+    assert not any(new_does_more(trials, tried, near, np.array(one)) for one in tried.genes)
