@@ -104,6 +104,7 @@ def rounds(fell: tuple[bool, ...] = (True, False, False)) -> GaitRounds:
             packaged=3 if i == 2 else None,
             fitness=0.0 if down else 0.5 + i,
             fell=down,
+            again=0.25 + i,
         )
         for i, down in enumerate(fell)
     )

@@ -184,6 +184,31 @@ def test_an_oracle_that_does_not_walk_has_no_share(bench) -> None:
     bench.show(out)
 
 
+def test_trials_in_turn_are_told_beside_their_first_gait_and_the_luckiest(bench) -> None:
+    spent = {"trials": 23, "seconds": 56.0, "falls": 0}
+    names, steps = [f"family {i}" for i in range(4)], {}
+    # what each gait reached in its trial, whether it fell, what it does; which one is the best
+    made = (
+        ([(1.0, False, 2.0), (3.0, False, 1.0), (0.0, True, 4.0)], 3),
+        ([(0.0, True, 0.0), (0.0, True, 1.0)], 2),
+        ([(0.0, True, 3.0), (-0.1, False, 2.0)], 1),
+        ([], 0),  # no simulator is close enough
+    )
+    for name, (rounds, best) in zip(names, made, strict=True):
+        tried = [{"real": does, "fell": 0, "success": True} for *_, does in rounds]
+        told = [{"real": r, "fell": f, "tried": t} for (r, f, _), t in zip(rounds, tried, strict=True)]
+        first = {"first": tried[0], "rounds": told, "best": best, **tried[best - 1]} if rounds else {}
+        nothing = {"real": 0.0, "fell": 0, "success": False}
+        steps[name, "rounds"] = nothing | first | {"spent": spent, "core": 1.0}
+    out = bench.table(steps, names, seconds=10.0)["in the family"]
+    speed = {source: row["speed"]["value"] for source, row in out["sources"].items()}
+    assert speed == pytest.approx({"first": 12.5, "rounds": 20.0, "luckiest": 10.0})
+    gains = {name: (gain["better"], gain["the same gait"]) for name, gain in out["gains"].items()}
+    assert gains == {"rounds - their first gait": (2, 1), "luckiest - their first gait": (1, 0)}
+    del steps["family 0", "rounds"]["rounds"][0]["tried"]  # a journal of an older loop
+    assert "luckiest" not in bench.table(steps, names, seconds=10.0)["in the family"]["sources"]
+
+
 def test_a_diagnosis_that_could_not_be_made_walks_nowhere(bench, journal, monkeypatch) -> None:
     walker = bench.walker_of("family 0", SEED)
     spent = {"trials": 10, "seconds": 9.0, "falls": 10}

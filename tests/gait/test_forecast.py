@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynreg.gait.forecast import Forecast, best_first, forecast, new_does_more
+from dynreg.errors import UsageError
+from dynreg.gait.forecast import AGAIN, COMPARED, DOUBT, Forecast, best_first, forecast, new_does_more
 from dynreg.gait.had import Had
 from dynreg.gait.near import MORE_FALLS
-from dynreg.gait.seek import COMPARED, EXPECTED, UNSEEN
+from dynreg.gait.seek import EXPECTED, UNSEEN
 from dynreg.gait.trials import Trials
 
 FELL = -999.0
@@ -75,25 +76,25 @@ def test_it_is_the_mean_of_a_gaussian_given_all_trials(trials, monkeypatch) -> N
     precise = np.linalg.inv(root @ root.T)  # by Bayes' rule with precisions, another way round
     trial = np.diag([*1.0 / noise[:2] ** 2, 0.0])
     given = np.linalg.solve(precise + trial, precise @ means + trial @ np.array([*reached, 0.0]))
-    assert forecast(trials, had(*reached), np.array([2.0, 0.5])).values == pytest.approx(
-        given, abs=0.15
-    )
+    assert forecast(trials, had(*reached), np.array([2.0, 0.5])).values == pytest.approx(given, abs=0.15)
 
 
 def test_the_same_gait_twice_has_two_trials(trials, monkeypatch) -> None:
-    value, luck = np.random.default_rng(2).normal(size=(2, 1, RUNS, SIMULATORS))
-    twice = lambda of: np.repeat(of, 2, axis=0)  # noqa: E731  the same draws for both
-    foretold(monkeypatch, trials, twice(value + luck), twice(luck))
-    told = forecast(trials, Had(gaits(1) * 2, (3.0, 0.0), (False, False))).values
+    foretold(monkeypatch, trials, drawn([0.0, 0.0], np.ones((2, 2)), [1.0, 1.0]))
+    told = forecast(trials, Had(gaits(1) * 2, (3.0, 0.0), (True, True))).values
     assert told == pytest.approx([1.0, 1.0], abs=0.1)  # (3 + 0) / 3, with what was foreseen as a third
 
 
-def test_where_simulators_agree_or_all_fall_what_they_say_stands(trials, monkeypatch) -> None:
-    for grade, value in ((2.0, 2.0), (FELL, 0.0)):
-        grades = np.full((3, RUNS, SIMULATORS), grade)
-        foretold(monkeypatch, trials, grades, grades)
+def test_where_simulators_agree_the_trial_counts(trials, monkeypatch) -> None:
+    for grade, value in ((2.0, 2.0), (FELL, 0.0)):  # where all fall, they agree, too
+        foretold(monkeypatch, trials, np.full((2, 3, RUNS, SIMULATORS), grade))
         told = forecast(trials, had(5.0, 1.0), np.array([2.0, 0.5]))
-        assert told.values.tolist() == [value] * 3 and told.falls.tolist() == [float(grade == FELL)] * 3
+        assert told.values == pytest.approx([5.0, 1.0, value])
+        assert told.falls.tolist() == [float(grade == FELL)] * 3
+    runs = drawn([2.0, 0.0], np.diag([1.0, 0.0]), [1.0, 0.0])
+    runs[:, 1] = FELL  # it fell in all of them, and the other did not
+    foretold(monkeypatch, trials, runs)
+    assert forecast(trials, had(2.0, 3.1)).values == pytest.approx([2.0, 3.1], abs=0.1)
 
 
 def test_in_simulators_it_is_the_same_each_time_and_a_far_off_trial_tells_more(trials) -> None:
@@ -109,16 +110,23 @@ def test_in_simulators_it_is_the_same_each_time_and_a_far_off_trial_tells_more(t
     assert (high.values[:2] > low.values[:2]).all() and np.isfinite(high.values).all()
 
 
-def test_those_that_stood_come_first_then_what_should_do_more(trials, monkeypatch) -> None:
+def test_those_that_walked_come_first_then_the_highest_forecast(trials, monkeypatch) -> None:
     luck = [0.01, 1.0, 0.01, 0.01]
     foretold(monkeypatch, trials, drawn([2.0, 1.0, 9.0, 3.0], np.eye(4), luck))
-    tried = had(2.0, 2.5, 9.0, 3.0, fell=(False, False, True, False))
+    tried = had(2.0, 2.5, 0.0, 3.0, walked=(True, True, False, True))
     told = best_first(trials, replace(tried, simulators=("a", "b")))
     at = [3, 0, 1, 2]  # the second had luck: 1.75
-    assert told.genes == tuple(tried.genes[i] for i in at) and told.reached == (3.0, 2.0, 2.5, 9.0)
-    assert told.fell == (False, False, False, True) and told.walked and told.simulators == ("a", "b")
+    assert told.genes == tuple(tried.genes[i] for i in at) and told.reached == (3.0, 2.0, 2.5, 0.0)
+    assert told.walked == (True, True, True, False) and told.simulators == ("a", "b")
     one = had(1.0)
     assert best_first(trials, one) is one
+
+
+def test_each_gait_has_one_trial() -> None:
+    with pytest.raises(
+        UsageError, match="2 gaits, 1 values and 2 ends of trials; expected one trial of each"
+    ):
+        Had(gaits(2), (1.0,), (True, True))
 
 
 # {case: (what simulators say of the gait that walked, of one near it, of a new one, and its share of falls; alike
@@ -138,18 +146,18 @@ CASES = {
 def test_that_one_is_tried_which_should_do_more_on_the_robot(case: str, trials, monkeypatch) -> None:
     means, falls, alike, reached, new = CASES[case]
     shared = np.array([[1.0, 1.0, alike], [1.0, 1.0, alike], [alike, alike, 1.0]])
-    moved, still = drawn(means, shared, [0.01] * 3)
-    moved[2, : round(falls * RUNS)] = FELL
-    foretold(monkeypatch, trials, moved, still)
+    runs = drawn(means, shared, [0.01] * 3)
+    runs[:, 2, : round(falls * RUNS)] = FELL
+    foretold(monkeypatch, trials, runs)
     near, found = np.array(gaits(3)[1:])
     assert new_does_more(trials, had(reached), near, found) is new
 
 
 @pytest.mark.parametrize("which", [0, 1])
 def test_where_others_fall_as_often_a_new_one_may(which: int, trials, monkeypatch) -> None:
-    moved, still = drawn([2.0, 3.0, 9.0], np.eye(3), [0.01] * 3)
-    moved[[which, 2], : RUNS // 5] = FELL
-    foretold(monkeypatch, trials, moved, still)
+    runs = drawn([2.0, 3.0, 9.0], np.eye(3), [0.01] * 3)
+    runs[:, [which, 2], : RUNS // 5] = FELL
+    foretold(monkeypatch, trials, runs)
     assert new_does_more(trials, had(2.0), *np.array(gaits(3)[1:]))
 
 

@@ -253,6 +253,16 @@ def test_what_is_tried_again_has_other_noise_and_other_parameters(trials) -> Non
     assert np.array_equal(batches[1], batches[3]) and len({*(b[0, 0] for b in batches)}) == 3
 
 
+def test_the_same_simulators_can_be_tried_with_other_noise_alone(trials, monkeypatch) -> None:
+    made = []
+    monkeypatch.setattr(Trials, "grades", lambda self, genes: made.append(self) or np.zeros((len(genes), 6)))
+    trials.again(first_gaits(trials), 3, first=7, doubt=0.05)
+    trials.again(first_gaits(trials), 3, first=50, doubt=0.05, moved=7)
+    one, two = made
+    assert np.array_equal(one.simulators.values, two.simulators.values)
+    assert not np.isclose(one._noise, two._noise).all(axis=(1, 2, 3)).any()
+
+
 def test_what_is_tried_again_has_the_simulators_effects(brief) -> None:
     rubbing = SimConfig(brief.hash, brief.name, {"motor_noise": 0.0}, {"coulomb_friction": {"torque": 0.1}})
     one = Trials(brief, task_of(brief), simulators_of(brief, [rubbing]), rate=36.0, threads=1)

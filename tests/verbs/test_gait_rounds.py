@@ -15,6 +15,7 @@ import toy_dog
 from dynreg import session
 from dynreg.data.recording import Recording
 from dynreg.errors import LogError, MapError, NoMatchError, UsageError
+from dynreg.gait import forecast
 from dynreg.gait.had import Had
 from dynreg.gait.logged import LoggedRobot
 from dynreg.gait.near import DOUBT as NEAR
@@ -97,9 +98,9 @@ def test_each_trials_log_tells_where_the_next_gait_is_sought(
         trial = again.run(commands(gait)[1], gait.rate, f"trial_{number}")
         assert one.fell == trial.fell and opened.registry.holds(trial.recording.id)
         assert one.fitness == pytest.approx(float(fitness(task_of(brief).grade(trial.walk))[0, 0]))
-    stood = [one.expected for one in found.rounds if not one.fell]
+    stood = [one.again for one in found.rounds if not one.fell]
     assert found.falls == 3 - len(stood)
-    assert found.best is None if not stood else found.rounds[found.best - 1].expected == max(stood)
+    assert found.best is None if not stood else found.rounds[found.best - 1].again == max(stood)
     assert gaits[0].seed == 0 and len({g.seed for g in gaits}) == 3
     # what the robot has had is told to the next search
     genes = [tuple(gait_space(brief).from_dict(genes_of(g))) for g in gaits]
@@ -119,15 +120,63 @@ def test_once_a_gait_walked_the_next_is_sought_near_it_in_the_simulators_of_all_
     best, other = (tuple(space.feasible(space.from_unit(u[None]))[0]) for u in space.starts[:2])
     newest, earlier = opened.ids[1], opened.ids[0]  # as the fixture's query tells of "log" and of a trial
     told = lambda walked: Had(  # noqa: E731
-        (best, other), (0.9, 0.1), (False, False), walked, (newest, earlier, earlier)
+        (other, best), (0.1, 0.9), (False, walked), (newest, earlier, earlier)
     )
     near = seek(asked, settings, had=told(walked=True))
-    moved = [how["doubt"] for how in again if how.get("doubt")]
+    foretold = [how for how in again if how.get("moved")]  # what the two will do on the robot
+    assert {how["doubt"] for how in foretold} == {forecast.DOUBT} and len(foretold) == 2
+    moved = [how["doubt"] for how in again if how.get("doubt") and how not in foretold]
     assert set(moved) == {NEAR}  # in the search, on the way and in what a trial may bring
     assert [t.simulator for t in near.trials] == [newest, earlier] and near.seed == settings.seed
     # a gait costs a run, and 40 in all tell what it may bring; what the two will do on the robot, twice as many each
     assert near.cost.rollouts <= 150 + 2 + 40 + 2 * 2 * 40
     assert [t.simulator for t in seek(asked, settings, had=told(walked=False)).trials] == [newest]
+
+
+def test_after_the_trials_gaits_are_forecast_in_the_simulators_of_the_last(
+    opened, brief, monkeypatch
+) -> None:
+    asked, own = [], forecast.forecast
+
+    def told(trials: Trials, had: Had, *new: np.ndarray) -> forecast.Forecast:
+        asked.append((trials, had, new, own(trials, had, *new)))
+        return asked[-1][-1]
+
+    monkeypatch.setattr(forecast, "forecast", told)
+    found = opened.gait_rounds("log", robot_of(brief), trials=2, **ASKED)
+    trials, tried, new, made = asked[-1]
+    last = opened.registry.result(found.rounds[-1].gait).document
+    assert [brief.space.as_dict(v) for v in trials.simulators.values] == [
+        one["parameters"] for one in last["trials"]
+    ]
+    assert tried.reached == tuple(one.fitness for one in found.rounds) and not new
+    assert tuple(one.again for one in found.rounds) == (*made.values,) and trials.rate == last["rate"]
+
+
+@pytest.mark.parametrize("fell", [(False, False, False), (False, True, False), (True, False, False)])
+def test_of_those_that_stood_the_highest_forecast_is_the_best(fell, opened, brief, monkeypatch) -> None:
+    real, order = robot_of(brief), [1.0, 3.0, 2.0]
+
+    def trial(actions: np.ndarray, rate: float, name: str) -> Recording:
+        log = real.run(actions, rate, name).recording
+        return _cut(log) if fell[int(name[-1]) - 1] else log
+
+    monkeypatch.setattr("dynreg.verbs.gait_rounds.forecasts", lambda *_: order)
+    found = opened.gait_rounds("log", trial, trials=3, **ASKED)
+    assert [one.again for one in found.rounds] == order and [one.fell for one in found.rounds] == [*fell]
+    assert found.best == (3 if fell[1] else 2) and "another trial should reach" in found.headline
+
+
+def test_without_the_simulators_the_best_is_the_one_that_did_most(opened, brief, monkeypatch) -> None:
+    def lost(*_):
+        raise NoMatchError("no simulator 'ab'", expected="one of this registry", do="x")
+
+    monkeypatch.setattr("dynreg.verbs.gait_rounds.forecasts", lost)
+    found = opened.gait_rounds("log", robot_of(brief), trials=2, **ASKED)
+    assert [one.again for one in found.rounds] == [None, None]
+    did = [one.fitness for one in found.rounds]
+    assert found.best == 1 + did.index(max(did)) and "another" not in found.headline
+    assert "did most in its one trial, which may be luck" in " ".join(rendered(found).split())
 
 
 def test_simulators_of_earlier_logs_are_no_answers_of_this_one(opened, brief) -> None:
@@ -169,12 +218,12 @@ def test_a_gait_walked_where_it_stood_and_reached_what_counts_as_success(opened,
     genes = [tuple(gait_space(brief).from_dict(genes_of(g))) for g in gaits]
     for reached, walked in ((0.9, True), (task.success, True), (0.9 * task.success, False)):
         told = had(brief, task, [Tried(gaits[0], 0.0, True), Tried(gaits[1], reached, False)])
-        assert told.genes == (*genes,) and told.walked == walked
+        assert told.genes == (*genes,) and told.walked == (False, walked)
         assert told.simulators == tuple(t.simulator for g in gaits for t in g.trials)
-        assert told.reached == (0.0, reached) and told.fell == (True, False)
+        assert told.reached == (0.0, reached)
     for fitness_there in (0.0, 0.9):  # a fall behind the goal is a fall
-        assert not had(brief, task, [Tried(gaits[0], fitness_there, True)]).walked
-    assert not had(brief, task, []).walked
+        assert had(brief, task, [Tried(gaits[0], fitness_there, True)]).walked == (False,)
+    assert had(brief, task, []) == Had()
 
 
 def test_the_budget_ends_the_trials_and_all_that_was_found_is_kept(opened, brief) -> None:

@@ -17,7 +17,7 @@ from dynreg.gait.space import gait_space
 from dynreg.gait.trials import Trials
 from dynreg.results import Gait
 from dynreg.session import Session
-from dynreg.verbs.gait import DOUBT, GaitSettings
+from dynreg.verbs.gait import GaitSettings
 from dynreg.verbs.gait import gait as seek
 from dynreg.verbs.gaits import genes_of
 from dynreg.verbs.subjects import recorded
@@ -75,19 +75,22 @@ def test_once_one_walked_the_better_of_two_searches_is_taken_in_the_simulators_o
     asked = recorded(opened.registry, "log", ingest=True)
     genes = tuple(gait_space(brief).from_dict(genes_of(found)).tolist())
     earlier = opened.gait("log", seed=1, **HOW).trials[1].simulator
-    had = Had((genes,), (0.5,), (False,), walked=True, simulators=(earlier,))
+    other = tuple(1.01 * gene for gene in genes)
+    had = Had((other, genes), (0.1, 0.5), (False, True), simulators=(earlier,))
     compared, stages, again, own = [], [], [], Trials.again
     monkeypatch.setattr(Trials, "again", lambda self, *a, **how: again.append(how) or own(self, *a, **how))
     for taken in (False, True):
         told = lambda *given, taken=taken: compared.append(given) or taken  # noqa: E731
         monkeypatch.setattr("dynreg.verbs.gait_searches.new_does_more", told)
         gait = seek(asked, GaitSettings(**HOW), lambda *told: stages.append(told[0]), had=had)
-        _, before, doubt, near, new = compared[-1]
-        assert before == had and doubt == DOUBT and not np.array_equal(near, new)
+        _, before, near, new = compared[-1]
+        assert before == had.ordered((1, 0)) and not np.array_equal(
+            near, new
+        )  # the one that walked is the first
         assert [*genes_of(gait).values()] == pytest.approx([near, new][taken].tolist())
         # of five: the way to the gait nearby is looked at in all of them
         assert len(gait.trials) == 5 and gait.trials[-1].simulator == earlier
-        assert gait.cost.rollouts <= HOW["rollouts"] + (3 + 2) * 40
+        assert gait.cost.rollouts <= HOW["rollouts"] + (3 + 2 + 2 * 2) * 40
         (many,) = re.findall(r"(\d+) gaits near the one that walked, and (\d+)", gait.notes[0])
         assert (
             gait.evaluations == int(many[taken]) and f"The {('first', 'second')[taken]} one" in gait.notes[0]
@@ -95,7 +98,7 @@ def test_once_one_walked_the_better_of_two_searches_is_taken_in_the_simulators_o
     assert {"search 1 of 2", "search 2 of 2"} <= {*stages}
     # what both may bring is told alike
     assert [how["doubt"] for how in again if how.get("first") == UNSEEN] == [NEAR, NEAR]
-    fell = replace(had, walked=False)
+    fell = replace(had, walked=(False, False))
     assert seek(asked, GaitSettings(**HOW), had=fell).trials[-1].simulator == earlier and len(compared) == 2
     assert not list((opened.path / "searches").glob("*"))
 
@@ -103,7 +106,7 @@ def test_once_one_walked_the_better_of_two_searches_is_taken_in_the_simulators_o
 def test_the_second_search_goes_on_where_it_was_interrupted(found: Gait, opened: Session, brief) -> None:
     asked, done = recorded(opened.registry, "log", ingest=True), []
     genes = tuple(gait_space(brief).from_dict(genes_of(found)).tolist())
-    had = Had((genes,), (0.5,), (False,), walked=True)
+    had = Had((genes,), (0.5,), (True,))
     whole = seek(asked, GaitSettings(**HOW), had=had)
 
     def interrupt(stage: str, at: int, total: int) -> None:
