@@ -97,6 +97,13 @@ def test_where_simulators_agree_the_trial_counts(trials, monkeypatch) -> None:
     assert forecast(trials, had(2.0, 3.1)).values == pytest.approx([2.0, 3.1], abs=0.1)
 
 
+def test_what_scatters_by_noise_alone_is_no_error_of_the_simulators(trials, monkeypatch) -> None:
+    luck = np.random.default_rng(4).normal(size=(3, RUNS, SIMULATORS))
+    foretold(monkeypatch, trials, 2.0 + np.stack([luck, -luck]))  # by chance, the pairs differ more than others
+    told = forecast(trials, had(3.0, 1.0), np.array([2.0, 0.5])).values
+    assert told == pytest.approx([2.0, 2.0, 2.0], abs=0.1)
+
+
 def test_in_simulators_it_is_the_same_each_time_and_a_far_off_trial_tells_more(trials) -> None:
     space = trials.space
     genes = space.feasible(space.from_unit(space.starts[:3]))
