@@ -34,7 +34,7 @@ class GaitRound(Result):
     again: float | None = None
 
     @property
-    def told(self) -> float:
+    def worth(self) -> float:
         """The fitness by which the best is chosen: what to expect of another trial or, without that, this one's."""
         return self.fitness if self.again is None else self.again
 

@@ -187,7 +187,7 @@ def _document(
     from dynreg.results.gait_rounds import GaitRounds
 
     stood = [i for i, one in enumerate(rounds) if not one.fell]
-    best = max(stood, key=lambda i: rounds[i].told, default=None)
+    best = max(stood, key=lambda i: rounds[i].worth, default=None)
     return GaitRounds(
         robot=asked.robot.name,
         recording=asked.recording.id,
