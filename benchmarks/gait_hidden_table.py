@@ -48,8 +48,8 @@ def table(steps: dict[tuple[str, str], dict], robots: Iterable[str], seconds: fl
             for other in ("nearest", "synthesised", "calibrated", "nominal")
             if {"diagnosed", other} <= {*speed}
         }
-        if "rounds" in speed:
-            for source in (s for s in ("rounds", "luckiest") if s in speed):
+        for source in ("rounds", "luckiest"):
+            if source in speed:
                 gain = _boot(lambda d, o: d - o, speed[source], speed["first"])
                 gain["better"] = int((speed[source] > speed["first"]).sum())
                 gain["the same gait"] = sum(c.get("best") == 1 for c in cells[source])

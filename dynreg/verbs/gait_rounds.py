@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields, replace
 from itertools import count
 from typing import TYPE_CHECKING
 
-from dynreg.errors import BudgetError, LogError, NoMatchError, UsageError
+from dynreg.errors import BudgetError, LogError, UsageError
 from dynreg.progress import Progress
 from dynreg.verbs.gait import GaitSettings
 from dynreg.verbs.next_gait import Next, Tried, forecasts, had, told_by
@@ -49,9 +49,9 @@ def gait_rounds(
 ) -> "GaitRounds":
     """Seek a gait, try it on the robot, ask the query again by the trial's log, and so on until the budget is spent.
 
-    While none has walked, each search first tries the gaits that the robot has had. Once one has, and
-    the method can, a search stays near the best; where simulators take turns, another one is of the whole range, and
-    the robot gets the gait that should do more (`forecast.new_does_more`). An interrupted search goes on.
+    While none has walked, each search first tries the gaits that the robot has had. Once one has, and the method can, a
+    search stays near the best; where simulators take turns, another one is of the whole range, and the robot gets the
+    gait that should do more (`forecast.new_does_more`). An interrupted search goes on.
 
     The best gait is the one that should do most in another trial (`forecast.forecast`), of those that stood.
 
@@ -94,7 +94,8 @@ def gait_rounds(
         rounds.append(_round(found, by is last, asked, number, trial, reached))
         say(f"trial {number}: {rounds[-1].outcome(task.unit)}; its log is {rounds[-1].name!r}")
         last = replace(asked, recording=asked.registry.recording(rounds[-1].recording), name=rounds[-1].name)
-    rounds = _foretold(rounds, lambda: forecasts(by, task, tried, settings.threads))
+    again = forecasts(by, task, tried, settings.threads)
+    rounds = [one.model_copy(update={"again": v}) for one, v in zip(rounds, again, strict=True)]
     return _document(asked, task, rounds, real.spent.seconds - before, ended)
 
 
@@ -166,19 +167,6 @@ def _round(
         fitness=reached,
         fell=trial.fell,
     )
-
-
-def _foretold(rounds: "list[GaitRound]", forecasts: Callable[[], tuple[float, ...]]) -> "list[GaitRound]":
-    """The rounds with what to expect of their gaits; as they are where the registry lacks the simulators.
-
-    So it is with a folder of trials that another registry began.
-    """
-    if not rounds:
-        return rounds
-    try:
-        return [one.model_copy(update={"again": v}) for one, v in zip(rounds, forecasts(), strict=True)]
-    except NoMatchError:
-        return rounds
 
 
 def _document(

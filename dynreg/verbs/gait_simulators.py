@@ -58,7 +58,10 @@ def choose(
 def trials_in(
     asked: Recorded, task: Task, simulators: Sequence[Simulator], *, seed: int, threads: int
 ) -> Trials:
-    """Trials of the gaits of a task in simulators, with what the recording tells of the robot and of its commands."""
+    """Trials of the gaits of a task in simulators, with what the recording tells of the robot and of its commands.
+
+    Raises RobotError as `Trials` does.
+    """
     robot, known = asked.robot, known_values(asked.robot, asked.recording)
     configs = simulators_of(robot, [one.config for one in simulators], known)
     return Trials(robot, task, configs, rate=command_rate(robot, known), seed=seed, threads=threads)
@@ -90,7 +93,7 @@ def _kind(one: Simulator) -> str:
 
 
 def simulators_named(asked: Recorded, refs: Sequence[str]) -> tuple[Simulator, ...]:
-    """The simulators of these ids or words, of the recording's robot."""
+    """The simulators of these ids or words, of the recording's robot. Raises NoMatchError for one that is not there."""
     found = (simulator(asked.registry, ref, asked.robot, asked.recording.id) for ref in refs)
     return tuple(own(one, asked.robot) for one in found)
 

@@ -39,17 +39,25 @@ def had(robot: "Robot", task: "Task", tried: Sequence[Tried]) -> Had:
     )
 
 
-def forecasts(asked: "Recorded", task: "Task", tried: Sequence[Tried], threads: int) -> tuple[float, ...]:
+def forecasts(
+    asked: "Recorded", task: "Task", tried: Sequence[Tried], threads: int
+) -> tuple[float, ...] | tuple[None, ...]:
     """The fitness to expect of another trial of each gait, by all trials, in the simulators of the last gait.
 
-    asked : the recording that told these. Raises NoMatchError where the registry does not hold them.
+    None of each where the registry lacks these, as with a folder of trials that another registry began. asked : the
+    recording that told them.
     """
     from dynreg.gait.forecast import forecast
     from dynreg.rng import stream_seed
     from dynreg.verbs.gait_simulators import simulators_named, trials_in
 
+    if not tried:
+        return ()
     last = tried[-1].gait
-    simulators = simulators_named(asked, [one.simulator for one in last.trials])
+    try:
+        simulators = simulators_named(asked, [one.simulator for one in last.trials])
+    except NoMatchError:
+        return (None,) * len(tried)
     seed = stream_seed(last.seed, "after the trials") % 2**31  # draws by which no gait was chosen
     trials = trials_in(asked, task, simulators, seed=seed, threads=threads)
     return (*forecast(trials, had(asked.robot, task, tried)).values.tolist(),)

@@ -99,7 +99,9 @@ def test_where_simulators_agree_the_trial_counts(trials, monkeypatch) -> None:
 
 def test_what_scatters_by_noise_alone_is_no_error_of_the_simulators(trials, monkeypatch) -> None:
     luck = np.random.default_rng(4).normal(size=(3, RUNS, SIMULATORS))
-    foretold(monkeypatch, trials, 2.0 + np.stack([luck, -luck]))  # by chance, the pairs differ more than others
+    foretold(
+        monkeypatch, trials, 2.0 + np.stack([luck, -luck])
+    )  # by chance, the pairs differ more than others
     told = forecast(trials, had(3.0, 1.0), np.array([2.0, 0.5])).values
     assert told == pytest.approx([2.0, 2.0, 2.0], abs=0.1)
 

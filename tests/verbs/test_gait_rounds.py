@@ -29,13 +29,14 @@ from dynreg.session import Session
 from dynreg.sim.config import SimConfig
 from dynreg.sim.real import Budget, SimulatedRobot, Spent
 from dynreg.sim.robot import Robot, load_robot
+from dynreg.verbs import gait_simulators
 from dynreg.verbs.gait import GaitSettings
 from dynreg.verbs.gait import gait as seek
 from dynreg.verbs.gait_simulators import Chosen, with_earlier
 from dynreg.verbs.gaits import genes_of
 from dynreg.verbs.next_gait import Tried, had
-from dynreg.verbs.simulators import simulator
-from dynreg.verbs.subjects import recorded
+from dynreg.verbs.simulators import Simulator, simulator
+from dynreg.verbs.subjects import Recorded, recorded
 from dynreg.verbs.trial_folder import MCAP_END, TrialFolder
 
 ROLLOUTS = 22  # two batches of CMA-ES in one simulator
@@ -168,11 +169,15 @@ def test_of_those_that_stood_the_highest_forecast_is_the_best(fell, opened, brie
 
 
 def test_without_the_simulators_the_best_is_the_one_that_did_most(opened, brief, monkeypatch) -> None:
-    def lost(*_):
-        raise NoMatchError("no simulator 'ab'", expected="one of this registry", do="x")
+    real, own = robot_of(brief), gait_simulators.simulators_named
 
-    monkeypatch.setattr("dynreg.verbs.gait_rounds.forecasts", lost)
-    found = opened.gait_rounds("log", robot_of(brief), trials=2, **ASKED)
+    def lost(asked: Recorded, refs: list[str]) -> tuple[Simulator, ...]:
+        if real.spent.trials == 2:  # after the trials
+            raise NoMatchError("no simulator 'ab'", expected="one of this registry", do="x")
+        return own(asked, refs)
+
+    monkeypatch.setattr(gait_simulators, "simulators_named", lost)
+    found = opened.gait_rounds("log", real, trials=2, **ASKED)
     assert [one.again for one in found.rounds] == [None, None]
     did = [one.fitness for one in found.rounds]
     assert found.best == 1 + did.index(max(did)) and "another" not in found.headline

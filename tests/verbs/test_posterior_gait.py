@@ -1,7 +1,7 @@
 """A gait that is sought in the query's answer and in draws that the recording does not tell from it."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -12,11 +12,12 @@ from dynreg import session
 from dynreg.errors import NoMatchError
 from dynreg.gait.had import Had
 from dynreg.gait.near import DOUBT as NEAR
-from dynreg.gait.seek import UNSEEN
+from dynreg.gait.seek import UNSEEN, Sought
 from dynreg.gait.space import gait_space
 from dynreg.gait.trials import Trials
 from dynreg.results import Gait
 from dynreg.session import Session
+from dynreg.verbs import gait_searches
 from dynreg.verbs.gait import GaitSettings
 from dynreg.verbs.gait import gait as seek
 from dynreg.verbs.gaits import genes_of
@@ -84,9 +85,8 @@ def test_once_one_walked_the_better_of_two_searches_is_taken_in_the_simulators_o
         monkeypatch.setattr("dynreg.verbs.gait_searches.new_does_more", told)
         gait = seek(asked, GaitSettings(**HOW), lambda *told: stages.append(told[0]), had=had)
         _, before, near, new = compared[-1]
-        assert before == had.ordered((1, 0)) and not np.array_equal(
-            near, new
-        )  # the one that walked is the first
+        assert before == had.ordered((1, 0))  # the one that walked is the first
+        assert not np.array_equal(near, new)
         assert [*genes_of(gait).values()] == pytest.approx([near, new][taken].tolist())
         # of five: the way to the gait nearby is looked at in all of them
         assert len(gait.trials) == 5 and gait.trials[-1].simulator == earlier
@@ -101,6 +101,25 @@ def test_once_one_walked_the_better_of_two_searches_is_taken_in_the_simulators_o
     fell = replace(had, walked=(False, False))
     assert seek(asked, GaitSettings(**HOW), had=fell).trials[-1].simulator == earlier and len(compared) == 2
     assert not list((opened.path / "searches").glob("*"))
+
+
+@pytest.mark.parametrize(("walked", "told"), [(True, [2, 0]), (False, [2])])
+def test_the_first_search_alone_is_told_what_the_robot_has_had(
+    walked: bool, told: list[int], found: Gait, opened: Session, brief, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    searches = []
+
+    def spied(own: Callable[..., Sought]) -> Callable[..., Sought]:
+        return lambda trials, settings, **how: searches.append(settings) or own(trials, settings, **how)
+
+    for kind in ("seek_near", "seek"):
+        monkeypatch.setattr(gait_searches, kind, spied(getattr(gait_searches, kind)))
+    genes = tuple(gait_space(brief).from_dict(genes_of(found)).tolist())
+    other = tuple(1.01 * gene for gene in genes)
+    had = Had((other, genes), (0.1, 0.5), (False, walked))
+    seek(recorded(opened.registry, "log", ingest=True), GaitSettings(**HOW), had=had)
+    assert [len(one.tried) for one in searches] == told
+    assert searches[0].tried == ((genes, other) if walked else (other, genes))  # from the one that walked
 
 
 def test_the_second_search_goes_on_where_it_was_interrupted(found: Gait, opened: Session, brief) -> None:
