@@ -2,9 +2,10 @@
 
 A way is a source (`gait_sources`), what counts of its simulators (the minimum, the lower quartile or the mean), and its
 rollouts: as many as any other way has, in all. So five simulators get a fifth of the gaits that one gets; draws of the
-posterior take turns, and get a quarter. `gaits` : one simulator with as many gaits as these draws. Each search has a
-seed of its own, other motor noise and other draws. Its gait is tried three times on the robot, as in
-`bench_gait_hidden`: it walks where it does not fall and goes 0.3 m or more, on average.
+posterior take turns, and get a quarter. `gaits` : one simulator with as many gaits as these draws. `packaged` : the
+search is told the robot's own gaits. Each search has a seed of its own, other motor noise and other draws. Its gait is
+tried three times on the robot, as in `bench_gait_hidden`: it walks where it does not fall and goes 0.3 m or more, on
+average.
 
 What differs is paired robot by robot, by the means over searches: with its 90 % bootstrap interval, and p of Wilcoxon's
 signed ranks by Holm's method over all ways. Every finished cell is a line of the journal (`--journal`); a second start
@@ -43,11 +44,16 @@ SEVERAL = ("nearest", "noisy", "pulled")
 
 @dataclass(frozen=True)
 class Way:
-    """Where a gait is sought. as_drawn : whether it has no more gaits than draws that take turns have."""
+    """Where a gait is sought.
+
+    as_drawn : whether it has no more gaits than draws that take turns have. packaged : whether the search is told the
+    robot's own gaits.
+    """
 
     source: str
     accept: str = USUAL
     as_drawn: bool = False
+    packaged: bool = False
 
 
 WAYS = {
@@ -57,6 +63,8 @@ WAYS = {
     **{source: Way(source) for source in (AGAINST, "hand", *SEVERAL)},
     **{f"{source} mean": Way(source, MEAN) for source in SEVERAL},
     f"{AGAINST} gaits": Way(AGAINST, as_drawn=True),
+    "posterior packaged": Way("posterior", MEAN, packaged=True),
+    f"{AGAINST} packaged": Way(AGAINST, packaged=True),
 }
 
 
@@ -73,6 +81,7 @@ TABLE = (  # what the default is chosen by comes first
     Part(("posterior", AGAINST, f"{AGAINST} gaits"), 2, ROBOTS),
     Part(("pulled", "noisy", "nearest", "hand"), 2, ROBOTS),
     Part(("posterior quartile", "posterior min", "pulled mean"), 1, ROBOTS),
+    Part(("posterior packaged", f"{AGAINST} packaged"), 1, ROBOTS),
 )
 
 
@@ -100,9 +109,7 @@ def cell(job: Job, walker: Walker, way: Way, number: int, step: dict) -> dict:
     trials = Trials(walker.robot, task_of(walker.robot), made, rate=RATE, seed=noise, threads=1)
     rollouts = job.plan.rollouts // (MEETS if way.as_drawn else 1)
     turns = {"meets": MEETS, "doubt": DOUBT} if way.source == "posterior" else {}
-    settings = SearchSettings(
-        "cma", way.accept, rollouts, seed, again=AGAIN, packaged=job.plan.packaged, **turns
-    )
+    settings = SearchSettings("cma", way.accept, rollouts, seed, again=AGAIN, packaged=way.packaged, **turns)
     spent = Spent(**step["spent"])
     found = searched(walker, trials, walker.real(Budget(), spent), settings)
     return {**found, "simulators": len(made), "spent": asdict(spent)}
