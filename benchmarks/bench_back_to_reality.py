@@ -46,7 +46,7 @@ FINER = 4  # physics steps of the truth for one of the model
 TRIALS = 190
 SHARE = 0.4  # of the best, from which all begin
 AGAIN = 10  # new trials of a gait
-REAL_ONLY = ("roulette", "genetic", "hill", "policy")  # searches on the robot alone; the first keeps no elite
+REAL_ONLY = ("roulette", "ga", "hill", "policy")  # searches on the robot alone; the first keeps no elite
 FIXED = 20  # gaits by which simulators are ranked
 DRAWS, ORACLE = 60, 400  # gaits among which the start is chosen, and of the search for the best
 # name: (genes d, trials e, f_0, f_end [cm/s], IF and LP as printed, LP to the third digit)

@@ -24,7 +24,7 @@ SIMULATED, REAL, OTHER = "#d9822b", "#0b63ce", "#a4a7aa"
 NAMES = {
     "btr": "Back to Reality",
     "roulette": "GA of paper B",
-    "genetic": "GA of paper A",
+    "ga": "GA of paper A",
     "hill": "hill climber",
     "policy": "policy gradient",
 }

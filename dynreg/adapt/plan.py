@@ -72,9 +72,9 @@ class StageTable(Table):
 
     @field_validator("search", mode="before")
     @classmethod
-    def _as_a_method(cls, given: object) -> object:
-        """`calibrate` calls the genetic search as the papers do."""
-        return "genetic" if given == "ga" else given
+    def _old_word(cls, given: object) -> object:
+        """Stored plans call `ga` by its former name."""
+        return "ga" if given == "genetic" else given
 
 
 class PlanFile(Table):

@@ -5,7 +5,7 @@ import numpy as np
 from dynreg.adapt.searched import searched
 from dynreg.methods.answer import Answer, Version
 from dynreg.methods.calibrator import Evidence, Limits, Question, episodes_of, seconds_of
-from dynreg.methods.table import GENETIC, USUAL
+from dynreg.methods.table import USUAL
 from dynreg.replay.residual import MOST
 from dynreg.replay.windows import Replayer, errors
 from dynreg.rng import stream
@@ -22,7 +22,7 @@ class BySearch:
 
     def __init__(self, name: str):
         self._name = name
-        self._kind = SEARCHES[{new: old for old, new in GENETIC.items()}.get(name, name)]
+        self._kind = SEARCHES[name]
 
     def fit(self, question: Question, evidence: Evidence, limits: Limits) -> Answer:
         """One version, never worse than what it begins with on what is not held out."""

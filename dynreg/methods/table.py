@@ -48,7 +48,6 @@ class Kind:
 
 SEARCHED = "by_search:BySearch"
 USUAL = 600  # simulations of a search
-GENETIC = {"genetic": "ga"}  # a search, and what it is called as a method: the papers' word
 _ABOUT = {
     "cma": "the usual choice among searches",
     "hill": "the hill climber of paper D, for a start that is nearly right",
@@ -78,10 +77,7 @@ METHODS: Mapping[str, Kind] = MappingProxyType(
                 "a simulator made of the nearest ones, with intervals, from few simulations",
                 **_REGISTERED,
             ),
-            *(
-                Kind(name, SEARCHED, f"all parameters at once: {_ABOUT[name]}")
-                for name in (GENETIC.get(search, search) for search in SEARCHES)
-            ),
+            *(Kind(name, SEARCHED, f"all parameters at once: {_ABOUT[name]}") for name in SEARCHES),
             Kind(
                 "staged",
                 "by_stages:Staged",

@@ -41,7 +41,7 @@ SEARCHES: Mapping[str, Kind] = MappingProxyType(
             Kind("cma", "cmaes:begin", by_order=True, from_one=True),
             Kind("hill", "hill:begin", batch=5),
             Kind("random", "at_random:begin"),
-            Kind("genetic", "genetic:begin", by_order=True),
+            Kind("ga", "genetic:begin", by_order=True),
             Kind("bits", "bits:begin_plain", by_order=True),
             Kind("operon", "bits:begin_operon", by_order=True),
             Kind("roulette", "bits:begin_roulette", batch=20),

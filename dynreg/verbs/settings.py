@@ -134,9 +134,12 @@ def seed() -> Any:
     return option(0, "Seed of the random numbers.", least=0, shared=True)
 
 
+OLD_METHODS = {"cmaes": "cma", "genetic": "ga"}
+
+
 def method() -> Any:
     """The setting that every verb has which searches."""
-    return option("cma", "Search method.", choices=tuple(SEARCHES), old={"cmaes": "cma"})
+    return option("cma", "Search method.", choices=tuple(SEARCHES), old=OLD_METHODS)
 
 
 def hold_out(usual: str = "a fifth of the episodes; of one run, pieces of it") -> Any:

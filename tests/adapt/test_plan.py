@@ -56,6 +56,10 @@ def test_a_plan_that_does_not_fit_says_where(stages: list[StageTable], says: str
         resolved(stages, NAMES, NONE, EPISODES, ALL)
 
 
+def test_a_stored_plan_may_call_a_search_by_its_former_name() -> None:
+    assert stage(search="genetic").search == "ga" == stage(search="ga").search
+
+
 def test_a_stage_whose_recordings_are_all_held_out_is_refused() -> None:
     with pytest.raises(UsageError, match="is held out"):
         resolved([stage(recordings=["walk"])], NAMES, NONE, EPISODES, np.array([0, 1]))

@@ -16,6 +16,7 @@ from dynreg.replay.windows import Replayer
 from dynreg.sim.config import SimConfig
 from dynreg.sim.robot import load_robot
 from dynreg.verbs.calibrate import CalibrateSettings
+from dynreg.verbs.gait import GaitSettings
 
 BUDGET = 33  # no multiple of any batch
 SEARCHES = [name for name, kind in METHODS.items() if kind.where == SEARCHED]
@@ -121,3 +122,5 @@ def test_an_old_word_still_works_and_says_what_it_is_called_now() -> None:
         CalibrateSettings(method="ants")
     with pytest.warns(OldWord, match="'genetic' is called 'ga' now"):
         assert CalibrateSettings(method="genetic").method == "ga"
+    with pytest.warns(OldWord, match="'genetic' is called 'ga' now"):
+        assert GaitSettings(method="genetic").method == "ga"
