@@ -7,7 +7,7 @@ import numpy as np
 from dynreg.gait.accept import ACCEPT
 from dynreg.gait.seek import Finals, Followed, SearchSettings, Sought, answer, driven
 from dynreg.gait.tasks import fell, fitness
-from dynreg.gait.trials import Trials
+from dynreg.gait.trials import TURNS, Trials
 from dynreg.rng import stream
 from dynreg.search.drive import Limits
 from dynreg.search.start import Start
@@ -19,8 +19,8 @@ STEP = 0.05  # of the ranges, 1 sigma, at first
 DOUBT = 0.1
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the way from the gait to what the search found
 # Share of the runs by which a gait may fall more often than the one that walked, and of the rollouts in which all
-# points of the way are tried: who falls in a tenth of the runs shows it in a hundred. Both by eight quadrupeds of the
-# development alone; what they bring on others, bench_gait_hidden (`rounds`) does not show yet.
+# points of the way are tried: a gait that falls in 10 % of its runs needs about a hundred to show it. Both by eight
+# quadrupeds of the development alone; `rounds` of bench_gait_hidden has what all of it brings on others.
 MORE_FALLS, LOOK = 0.05, 0.35
 
 
@@ -38,13 +38,13 @@ def seek_near(trials: Trials, settings: SearchSettings, **followed: Unpack[Follo
     """The gait between the first of `settings.tried` and what a search about it finds; the same each time.
 
     Each batch runs in one of the simulators, which take turns, with parameters moved by `settings.doubt` (`DOUBT`,
-    usually). So the search finds which way gaits get better in all. How far to go, `farthest` says.
+    usually). So the search finds which way gaits get better in all. How far to go, `farthest` says. It has no patience:
+    values of batches that ran in different simulators do not compare.
     """
     space, k, kind = trials.space, len(trials.simulators), SEARCHES[settings.method]
-    each = (
-        len(SHARES) * k
-    )  # runs of one draw of noise and parameters: all points of the way, in every simulator
-    draws = int(LOOK * settings.rollouts) // each
+    # runs of one draw of noise and parameters: all points of the way, in every simulator
+    each = len(SHARES) * k
+    draws = min(int(LOOK * settings.rollouts) // each, TURNS.start)  # from there on they are the search's
     evaluations = settings.rollouts - draws * each
     begin = space.to_unit(np.array(settings.tried[:1]))[0]
     rng, steps = stream(settings.seed, "gait near", settings.method), np.full(len(space), STEP)
@@ -61,8 +61,7 @@ def seek_near(trials: Trials, settings: SearchSettings, **followed: Unpack[Follo
         begun += 1
         return fitness(grades)[:, 0], -grades[:, 0]
 
-    limits = Limits(evaluations, settings.patience)
-    found = driven(search, graded, watched, limits, **followed)
+    found = driven(search, graded, watched, Limits(evaluations), **followed)
     best, finals = farthest(trials, settings, between(begin, search.middle, space.periodic), draws)
     return answer(trials, best, found, finals, ran & ~stood)
 

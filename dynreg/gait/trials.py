@@ -1,5 +1,6 @@
 """Gaits on several simulators at once."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -116,9 +117,9 @@ class Trials:
         """(n, draws, k) grades of gaits (n, G) with other draws of every simulator's motor noise.
 
         first : draws with lower numbers were seen before. doubt : 1 sigma, as a share of the ranges, by which every
-        draw moves the parameters that the lab does not know, too. moved : they move as in the draws from this number
-        on, so that the noise alone is another; by default as in these draws. only : numbers of the k simulators in
-        which they run; by default in all.
+        draw moves the parameters that the lab does not know, too. moved : the first of the draws whose moves are made
+        instead; two calls with the same `moved` differ in noise alone. only : numbers of the k simulators in which they
+        run; by default in all.
         """
         only = range(len(self.simulators)) if only is None else only
         simulators = self.simulators.take(only)
@@ -148,12 +149,14 @@ class Trials:
         return found.reshape(len(genes), draws, k)
 
     def turn(self, batch: int, each: int) -> list[int]:
-        """Numbers of the `each` simulators that a batch of this number, from 0, meets.
+        """Numbers of the `each` simulators, of k, that a batch of this number, from 0, meets: each of them once.
 
-        All take turns, in another order each time round.
+        All take turns, as often as each other. The order is another once batches and rounds end together.
         """
-        rounds = (divmod(at, len(self.simulators)) for at in range(batch * each, (batch + 1) * each))
-        return [int(self._order(number)[at]) for number, at in rounds]
+        k = len(self.simulators)
+        whole = math.lcm(k, each)
+        places = range(batch * each, (batch + 1) * each)
+        return [int(self._order(at // whole)[at % k]) for at in places]
 
     def in_turn(self, genes: np.ndarray, batch: int, each: int, doubt: float) -> np.ndarray:
         """(n, each) grades of a batch of gaits (n, G) in the simulators whose turn it is, with noise of its own.

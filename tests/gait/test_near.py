@@ -136,6 +136,21 @@ def test_no_farther_than_gaits_fall_no_more_often_than_the_one_that_walked(
     assert np.array_equal(best, points[taken]) and (finals.runs, finals.falls) == (40, falls[taken])
 
 
+@pytest.mark.parametrize("k", [5, 6, 7, 16])
+def test_a_batch_meets_no_simulator_twice_and_all_are_met_as_often(k: int, brief) -> None:
+    values = np.tile(brief.space.nominal, (k, 1))
+    trials = Trials(brief, task_of(brief), Simulators(values), rate=brief.rate, threads=1)
+    batches = [trials.turn(number, 4) for number in range(3 * k)]
+    assert all(len({*batch}) == 4 for batch in batches)
+    assert np.bincount(np.concatenate(batches)).tolist() == [12] * k
+    assert len({tuple(batch) for batch in batches}) > k  # in another order each time
+
+
+def test_values_of_batches_in_different_simulators_do_not_end_a_search(trials) -> None:
+    asked = seek_near(trials, settings_of(trials, patience=1)).found.evaluations
+    assert asked == seek_near(trials, settings_of(trials)).found.evaluations > 10
+
+
 def test_few_rollouts_are_not_exceeded(trials) -> None:
     found = seek_near(trials, settings_of(trials, rollouts=22))
     assert found.finals is None and trials.space.problems(found.genes) == () and trials.rollouts <= 24
