@@ -13,7 +13,7 @@ from dynreg.gait.runs import Motion
 from dynreg.sim.engines.arena import has_fallen
 from dynreg.sim.layout import BASE, layout_of
 from dynreg.sim.real import RealRobot, RealTrial
-from dynreg.sim.robot import Robot
+from dynreg.sim.robot import Robot, require_commands
 from dynreg.sim.run import Walk
 
 # By contract. SAME : of the movement commanded, by which the commands of its log may differ. STILL : of their speed, at
@@ -83,8 +83,10 @@ def _found(robot: Robot, log: Recording, actions: np.ndarray, rate: float) -> Ep
     """
     near = np.stack([np.roll(actions, by, axis=0) for by in (-1, 0, 1)])
     near[0, -1], near[2, 0] = actions[-1], actions[0]
-    best = None
-    for episode in log.episodes:
+    require_commands(robot, log)
+    best, columns = None, log.columns(robot.actions)
+    holding = [e for e in log.episodes if np.isfinite(e.values[:, columns]).any(axis=0).all()]
+    for episode in holding or log.episodes:  # where none holds commands, the first one says so
         since = episode.time - episode.time[0]
         grid = np.arange(int(since[-1] * rate + 1e-6) + 1) / rate
         row = np.searchsorted(since, grid + 0.5 / rate, side="right") - 1

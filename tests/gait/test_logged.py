@@ -64,6 +64,14 @@ def test_a_log_may_begin_before_the_gait_and_hold_places(quadruped, gaits, tried
     early = trial_of(quadruped, changed(tried[0].recording, lead=1.5), gaits[0], RATE).walk.base
     assert np.abs(early[0, 0, -1, :2] - plain[0, 0, -1, :2]).max() < 0.03
 
+    (e,) = tried[0].recording.episodes
+    silent = e.values.copy()
+    silent[:, tried[0].recording.columns(quadruped.actions)] = np.nan
+    before = replace(e, name="before", values=silent)
+    cut = replace(tried[0].recording, episodes=(before, replace(e, time=e.time + 100.0)))
+    late = trial_of(quadruped, cut, gaits[0], RATE).walk.base
+    assert np.abs(late[0, 0, -1, :2] - plain[0, 0, -1, :2]).max() < 1e-6
+
     log, true = tried[0].recording, tried[0].walk.base[0, 0]
     places = [replace(log.channels[0], name=f"base/{axis}", unit="m") for axis in "xyz"]
     seen = replace(
