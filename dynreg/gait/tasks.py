@@ -15,14 +15,15 @@ from dynreg.sim.layout import BASE
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Walk
 
-FELL = -1000.0  # below every score
+FELL = -1000.0  # below every score, which lies above half of it
 X, Y, YAW = (BASE.index(name) for name in ("x", "y", "yaw"))
 
 
 class Task:
     """A task as robot.toml names it. A kind of task gives its score and, where it has numbers, their defaults.
 
-    A robot that fell has the fitness 0, so a score must be above 0 where something was achieved.
+    A robot that fell has the fitness 0, so a score must be above 0 where something was achieved. None may lie below
+    -500: such a grade means a fall.
 
     unit : of the fitness. bodies : how many the robot's folder must track for it. defaults : {name: value} of the
     kind's numbers, which `values` of [[tasks]] overrides.
@@ -65,10 +66,18 @@ class Task:
     def grade(self, walk: Walk) -> np.ndarray:
         """(B, E) scores of walks; where the robot fell, `FELL` and the share of the time that it stood.
 
-        The fitness of a fall is 0 (`fitness`), but a search that ranks wants to know the less bad ones.
+        The fitness of a fall is 0 (`fitness`), but a search that ranks wants to know the less bad ones. Raises
+        RobotError for a score that would pass for a fall.
         """
-        whole = walk.base.shape[2]
-        return np.where(walk.fell < whole, FELL + walk.fell / whole, self.scored(walk))
+        fallen, scores = walk.fell < walk.base.shape[2], self.scored(walk)
+        low = scores[~fallen & (scores < FELL / 2)]
+        if low.size:
+            raise RobotError(
+                f"task {self.name!r} scores {low[0]:g} {self.unit} for a robot that stood",
+                expected=f"at least {FELL / 2:g}, below which a grade means a fall",
+                do="give the task a larger unit",
+            )
+        return np.where(fallen, FELL + walk.fell / walk.base.shape[2], scores)
 
 
 def fell(grades: np.ndarray) -> np.ndarray:

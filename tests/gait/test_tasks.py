@@ -51,6 +51,15 @@ def test_a_fall_is_worth_nothing_and_graded_by_when(name: str, quadruped) -> Non
     assert fitness(early) == fitness(late) == 0.0
 
 
+def test_a_score_that_would_pass_for_a_fall_is_refused(quadruped, monkeypatch) -> None:
+    task = task_of(quadruped, "forward")
+    monkeypatch.setattr(type(task), "score", lambda _, base: base[:, :, -1, 0] * 1000.0)
+    assert task.grade(walked(-0.4, 0.0))[0, 0] == pytest.approx(-400.0)
+    with pytest.raises(RobotError, match="scores -600 m for a robot that stood"):
+        task.grade(walked(-0.6, 0.0))
+    assert fell(task.grade(walked(-0.6, 0.0, fell_at=50)))
+
+
 def test_only_the_slope_is_not_level(quadruped) -> None:
     assert task_of(quadruped).slope() == 0.0
     assert task_of(quadruped, "slope").slope() == pytest.approx(0.07)
