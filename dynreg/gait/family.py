@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from dynreg.errors import RobotError, UsageError
-from dynreg.gait.table import JointTable
+from dynreg.gait.table import JointTable, faded
 from dynreg.sim.excitation import command_limits, reset_pose
 from dynreg.sim.gait_tables import MotionTable
 from dynreg.sim.robot import Robot
@@ -113,9 +113,12 @@ class Family(ABC):
         return np.array([g.periodic for g in self.genes])
 
     def from_unit(self, unit: np.ndarray) -> np.ndarray:
-        """(..., G) genes of points in the unit cube, clipped to it; phases run round."""
-        unit = np.where(self.periodic, np.mod(unit, 1.0), np.clip(unit, 0.0, 1.0))
-        return self.bounds[:, 0] + unit * (self.bounds[:, 1] - self.bounds[:, 0])
+        """(..., G) genes of points in the unit cube, or of those that `inside` makes of others."""
+        return self.bounds[:, 0] + self.inside(unit) * (self.bounds[:, 1] - self.bounds[:, 0])
+
+    def inside(self, unit: np.ndarray) -> np.ndarray:
+        """(..., G) points in the unit cube, of points that may lie outside: clipped, but phases run round."""
+        return np.where(self.periodic, np.mod(unit, 1.0), np.clip(unit, 0.0, 1.0))
 
     def to_unit(self, genes: np.ndarray) -> np.ndarray:
         """(..., G) points in the unit cube of genes."""
@@ -132,8 +135,7 @@ class Family(ABC):
         """(count, G) draws in the unit cube: about the pose at rest where a gene tells of it, else anywhere."""
         draws, rest = rng.uniform(size=(count, len(self))), self.to_unit(self.rest)
         about = rest + SCATTER * rng.standard_normal(draws.shape)
-        draws = np.where(np.isnan(rest), draws, about)
-        return np.where(self.periodic, np.mod(draws, 1.0), np.clip(draws, 0.0, 1.0))
+        return self.inside(np.where(np.isnan(rest), draws, about))
 
     def table(self, genes: np.ndarray) -> JointTable:
         """What a gait (G,) tells the joints, without the ramp."""
@@ -171,8 +173,7 @@ class Family(ABC):
 
     def faded(self, moving: np.ndarray, times: np.ndarray) -> np.ndarray:
         """(..., T, A) joint angles [rad] that come from rest at time 0 into a motion (..., T, A), in `ramp` seconds."""
-        begun = np.clip(times / self.ramp, 0.0, 1.0)[:, None]
-        return self.pose + begun * (moving - self.pose)
+        return faded(moving, self.pose, self.ramp, times)
 
     def outside(self, genes: np.ndarray) -> list[str]:
         """The genes of a gait (G,) that lie outside their bounds."""
@@ -198,11 +199,12 @@ def of_robot(robot: Robot, table: MotionTable) -> dict[str, Any]:
 
 
 def _limits(robot: Robot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(A,) lowest, highest angle [rad] and highest rate [rad/s]: the actions', the model's, the drives'."""
-    from dynreg.sim.ports import nominal_ports
+    """(A,) lowest and highest angle [rad], of the actions or the model, and the drives' highest rate [rad/s] or inf."""
+    from dynreg.sim.ports import UNLIMITED, nominal_ports
 
     low, high = command_limits(robot).T
-    return low, high, nominal_ports(robot, 1).drive["speed_limit"][0]
+    speed = nominal_ports(robot, 1).drive["speed_limit"][0]
+    return low, high, np.where(speed < UNLIMITED, speed, np.inf)
 
 
 def ranged(robot: Robot, genes: tuple[Gene, ...], table: MotionTable) -> tuple[Gene, ...]:

@@ -10,7 +10,8 @@ from dynreg.data.names import joint_of
 from dynreg.errors import UsageError
 from dynreg.gait.family import Family
 from dynreg.gait.runs import joint_states, mcap
-from dynreg.gait.table import JointTable
+from dynreg.gait.table import JointTable, faded
+from dynreg.sim.ports import UNLIMITED
 
 SLACK = 1e-7  # rad, and relative: what the digits of a document may add
 SAME = 1e-9  # rad, between tables that say the same
@@ -116,7 +117,11 @@ def _table(gait: Played) -> JointTable:
 def require_own(space: Family, genes: Mapping[str, float], gait: Played) -> None:
     """UsageError where genes {name: value} cannot be run on a robot, or a gait states other limits than the robot's."""
     space.require(space.from_dict(genes))
-    stated = [(j.action, j.rest, j.low, j.high, j.speed) for j in gait.joints]
+    # older documents state the rate of a drive that has no limit
+    stated = [
+        (j.action, j.rest, j.low, j.high, None if j.speed is None or j.speed >= UNLIMITED else j.speed)
+        for j in gait.joints
+    ]
     own = [astuple(joint) for joint in joints(space)]
     if stated != own:
         wrong = next((a[0] for a, b in zip(stated, own, strict=False) if a != b), "the number of joints")
@@ -134,7 +139,10 @@ def _unlike(robot: str, what: str, expected: str) -> UsageError:
 
 
 def told(space: Family, genes: Mapping[str, float], gait: Played, times: np.ndarray) -> np.ndarray:
-    """(T, A) joint commands at times (T,) [s]: to the last bit those of the genes, if nobody has changed the table."""
+    """(T, A) joint commands [rad] at times (T,) [s].
+
+    They are those of the genes, to the last bit, where nobody has changed the table; else those of the table.
+    """
     vector = space.from_dict(genes)
     own, table = space.table(vector), _table(gait)
     if gait.ramp == space.ramp and own.targets.shape == table.targets.shape:
@@ -153,9 +161,7 @@ def commands(gait: Played) -> tuple[np.ndarray, np.ndarray]:
 def _commands(gait: Played, table: JointTable, times: np.ndarray) -> np.ndarray:
     if not gait.ramp:
         return table.at(times)
-    rest = np.array([j.rest for j in gait.joints])
-    begun = np.clip(times / gait.ramp, 0.0, 1.0)[:, None]
-    return rest + begun * (table.at(times) - rest)
+    return faded(table.at(times), np.array([j.rest for j in gait.joints]), gait.ramp, times)
 
 
 def csv(gait: Played) -> bytes:

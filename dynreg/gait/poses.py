@@ -68,7 +68,10 @@ class Poses(Family):
             for name, ends in zip(free, bounds, strict=True)
         ]
         genes.append(Gene("points", "1", *(seconds * robot.rate for seconds in LASTS)))
-        return cls(**{**vars(made), "genes": ranged(robot, tuple(genes), table)})
+        genes = ranged(robot, tuple(genes), table)
+        if (least := genes[-1].low) <= 0.0:
+            raise _unlike(robot, table, f"points = [{least:g}, {genes[-1].high:g}]", "bounds above 0")
+        return cls(**{**vars(made), "genes": genes})
 
     def targets(self, genes: np.ndarray, times: np.ndarray) -> np.ndarray:
         knots, told = self.passed(genes)

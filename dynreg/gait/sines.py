@@ -88,7 +88,7 @@ class Sines(Family):
         against = 0.5 + 0.5 * rng.integers(0, 2, (count, legs)) + PHASES * rng.standard_normal((count, legs))
         free = rng.uniform(size=(count, 1)) < ANY
         draws[:, len(self) - legs :] = np.where(free, draws[:, len(self) - legs :], against)
-        return np.where(self.periodic, np.mod(draws, 1.0), np.clip(draws, 0.0, 1.0))
+        return self.inside(draws)
 
     def targets(self, genes: np.ndarray, times: np.ndarray) -> np.ndarray:
         roles, legs = len(self.roles), len(self.legs)

@@ -5,6 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 
 
+def faded(moving: np.ndarray, rest: np.ndarray, ramp: float, times: np.ndarray) -> np.ndarray:
+    """(..., T, A) joint angles [rad] at times (T,) [s] that go from rest (A,) into a motion (..., T, A).
+
+    ramp : time [s] that it takes.
+    """
+    begun = np.clip(times / ramp, 0.0, 1.0)[:, None]
+    return rest + begun * (moving - rest)
+
+
 @dataclass(frozen=True, eq=False)
 class JointTable:
     """Joint angles (K, A) [rad] at times (K,) [s] from 0, evenly in between.

@@ -1,12 +1,15 @@
 """Motions through poses: the paper's kick, joints that follow others, limits, and what is refused."""
 
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import toy_dog
 
-from dynreg.errors import RobotError
+from dynreg.errors import RobotError, UsageError
+from dynreg.gait.play import joints, require_own
 from dynreg.gait.poses import Poses
 from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import task_of
@@ -78,6 +81,22 @@ def test_what_is_made_feasible_keeps_every_limit_at_every_time(motion: str, tmp_
         assert np.array_equal(genes[:, :-1], wild[:, :-1]), "only slower"
 
 
+def test_drives_without_a_limit_of_their_rate_state_none(tmp_path) -> None:
+    folder = toy_dog.folder(tmp_path / "dog", KICK, TASK)
+    table = (folder / "robot.toml").read_text(encoding="utf-8")
+    (folder / "robot.toml").write_text(table.replace("speed_limit = 12.0\n", ""), encoding="utf-8")
+    space = gait_space(load_robot(folder), "kick")
+    stated = joints(space)
+    assert {joint.speed for joint in stated} == {None}
+    genes = space.feasible(drawn(space, 1))[0]
+    assert space.problems(genes) == ()
+    older = SimpleNamespace(robot="dog", joints=[replace(joint, speed=1e6) for joint in stated])
+    require_own(space, space.as_dict(genes), older)
+    with pytest.raises(UsageError, match="is not stated as the robot has it"):
+        older.joints[0] = replace(stated[0], speed=20.0)
+        require_own(space, space.as_dict(genes), older)
+
+
 def test_what_cannot_be_run_is_told(tmp_path) -> None:
     space = space_of(tmp_path)
     fast = space.from_dict({**space.as_dict(space.bounds[:, 1]), "points": space.bounds[-1, 0]})
@@ -107,6 +126,8 @@ def test_a_motion_is_made_in_a_simulator_as_a_gait_is(tmp_path) -> None:
         (KICK + 'joints = ["fl_knee"]\nmirrored = { fl_knee = "fl_knee" }\n', "joint 'fl_knee' stands twice"),
         (KICK + 'kind = "locus"\n', r"motion 'kick' is of unknown kind 'locus'.*\['poses'\]"),
         (KICK + "ranges = { speed = [0.0, 1.0] }\n", "ranges names 'speed'"),
+        (KICK + "ranges = { points = [-3.0, 9.0] }\n", r"points = \[-3, 9\].*above 0"),
+        (KICK + "ranges = { points = [0.0, 9.0] }\n", r"points = \[0, 9\].*above 0"),
         (KICK.replace("kick", "jump"), "there is no motion 'kick'"),
         (KICK + KICK, "named twice"),
     ],
