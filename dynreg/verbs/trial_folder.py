@@ -147,14 +147,17 @@ def state(log: Path) -> State | None:
 
 
 def _ended(log: Path) -> bool:
-    """Whether a log has what its format ends with, where it ends with something."""
-    if log.is_dir():
-        return (log / "metadata.yaml").exists()  # which rosbag2 writes last
-    if log.suffix.lower() != ".mcap":
-        return log.stat().st_size > 0
-    with open(log, "rb") as file:
-        file.seek(max(log.stat().st_size - len(MCAP_END), 0))
-        return file.read() == MCAP_END
+    """Whether a log has what its format ends with, where it ends with something; no longer where it went away."""
+    try:
+        if log.is_dir():
+            return (log / "metadata.yaml").exists()  # which rosbag2 writes last
+        if log.suffix.lower() != ".mcap":
+            return log.stat().st_size > 0
+        with open(log, "rb") as file:
+            file.seek(max(log.stat().st_size - len(MCAP_END), 0))
+            return file.read() == MCAP_END
+    except FileNotFoundError:
+        return False
 
 
 def _holds(path: Path, actions: np.ndarray) -> bool:
