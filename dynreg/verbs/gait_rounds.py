@@ -3,13 +3,14 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from itertools import count
 from typing import TYPE_CHECKING
 
 from dynreg.errors import BudgetError, LogError, UsageError
 from dynreg.progress import Progress
 from dynreg.verbs.gait import GaitSettings
-from dynreg.verbs.next_gait import Next, Tried, forecasts, had, told_by
+from dynreg.verbs.next_gait import Tried, forecasts, had, next_gait, told_by
 from dynreg.verbs.settings import option
 from dynreg.verbs.simulators import POSTERIOR, WORDS
 
@@ -44,7 +45,7 @@ def gait_rounds(
     settings: GaitRoundsSettings,
     real: "RealRobot",
     progress: Progress | None = None,
-    kept: Kept = lambda _, sought: sought(),
+    kept: Kept | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> "GaitRounds":
     """Seek a gait, try it on the robot, ask the query again by the trial's log, and so on until the budget is spent.
@@ -58,7 +59,8 @@ def gait_rounds(
     Every trial's log is registered, as "NAME trial N". Where it does not tell in which simulators to seek (none is
     close enough, or it is too short), the next gait is sought in those of the round before.
 
-    kept : gives the gait of a round, by its number, instead of the one that a call would seek; see `TrialFolder`.
+    kept : gives the gait of a round, by its number, instead of the one that a call would seek; see `TrialFolder`. It
+    also says that a second call goes on. Without it, what the trials brought is stored even where an error ends them.
     say : tells what a gait may bring, and what it brought.
     Raises as `gait` and `real.run` do, UsageError where the simulators do not come from a query, a kept gait was sought
     otherwise or no trial on the robot can tell what the task scores, LogError where a log does not tell it.
@@ -72,28 +74,33 @@ def gait_rounds(
     _require_seen(task, real)
     by = last = asked
     ended, before = "the budget of trials", real.spent.seconds
-    for number in range(1, (settings.trials or TRIALS) + 1):
-        if settings.falls and sum(one.fell for one in rounds) >= settings.falls:
-            ended = f"{settings.falls} falls"
-            break
-        try:
+    try:
+        for number in range(1, (settings.trials or TRIALS) + 1):
+            if settings.falls and sum(one.fell for one in rounds) >= settings.falls:
+                ended = f"{settings.falls} falls"
+                break
             real.afford(task.seconds)  # before time is spent on a gait
-        except BudgetError as spent:
-            ended = spent.problem
-            break
-        seed = stream_seed(settings.seed, "gait round", number) % 2**31 if rounds else settings.seed
-        each = replace(settings.each, seed=seed, resume=True)
-        sought = Next(each, had(asked.robot, task, tried), progress)
-        found = kept(number, lambda: sought.by_first_of(last, by))  # noqa: B023
-        by = told_by(found, number, each, task, (last, by))
-        require_playable(found)
-        say(f"trial {number}: {found.prediction}")
-        trial = real.run(commands(found)[1], found.rate, f"trial_{number}")
-        reached = _fitness(task, trial)
-        tried.append(Tried(found, reached, trial.fell))
-        rounds.append(_round(found, by is last, asked, number, trial, reached))
-        say(f"trial {number}: {rounds[-1].outcome(task.unit)}; its log is {rounds[-1].name!r}")
-        last = replace(asked, recording=asked.registry.recording(rounds[-1].recording), name=rounds[-1].name)
+            seed = stream_seed(settings.seed, "gait round", number) % 2**31 if rounds else settings.seed
+            each = replace(settings.each, seed=seed, resume=True)
+            sought = partial(next_gait, last, by, each, had(asked.robot, task, tried), progress)
+            found = kept(number, sought) if kept else sought()
+            by = told_by(found, number, each, task, (last, by))
+            require_playable(found)
+            say(f"trial {number}: {found.prediction}")
+            trial = real.run(commands(found)[1], found.rate, f"trial_{number}")
+            reached = _fitness(task, trial)
+            tried.append(Tried(found, reached, trial.fell))
+            rounds.append(_round(found, by is last, asked, number, trial, reached))
+            say(f"trial {number}: {rounds[-1].outcome(task.unit)}; its log is {rounds[-1].name!r}")
+            log = asked.registry.recording(rounds[-1].recording)
+            last = replace(asked, recording=log, name=rounds[-1].name)
+    except BudgetError as spent:
+        ended = spent.problem
+    except BaseException:
+        if rounds and kept is None:
+            ended = f"an error after trial {len(rounds)}"
+            asked.keep(_document(asked, task, rounds, real.spent.seconds - before, ended))
+        raise
     again = forecasts(by, task, tried, settings.threads)
     rounds = [one.model_copy(update={"again": v}) for one, v in zip(rounds, again, strict=True)]
     return _document(asked, task, rounds, real.spent.seconds - before, ended)

@@ -63,25 +63,19 @@ def forecasts(
     return (*forecast(trials, had(asked.robot, task, tried)).values.tolist(),)
 
 
-@dataclass(frozen=True)
-class Next:
-    """The search for the next gait."""
+def next_gait(
+    last: "Recorded", before: "Recorded", settings: GaitSettings, had: Had, progress: Progress | None
+) -> "Gait":
+    """The gait by the last recording or, where that does not tell in which simulators to seek, by the one before.
 
-    settings: GaitSettings
-    had: Had
-    progress: Progress | None
-
-    def by_first_of(self, last: "Recorded", before: "Recorded") -> "Gait":
-        """The gait by the last recording or, where that does not tell in which simulators to seek, by the one before.
-
-        Raises as `gait`.
-        """
-        try:
-            return gait(last, self.settings, self.progress, had=self.had)
-        except (NoMatchError, LogError):
-            if before is last:
-                raise
-        return gait(before, self.settings, self.progress, had=self.had)
+    Raises as `gait`.
+    """
+    try:
+        return gait(last, settings, progress, had=had)
+    except (NoMatchError, LogError):
+        if before is last:
+            raise
+    return gait(before, settings, progress, had=had)
 
 
 def told_by(
