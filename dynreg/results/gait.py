@@ -229,7 +229,7 @@ class Gait(Result):
         return places
 
     def brief(self) -> str:
-        value = f"{self.value:.3g} {self.unit} {OVER[self.accept]} in {self.k} simulators"
+        value = f"{self.value:.3g} {self.unit} {OVER[self.accept]} in {self._where}"
         return f"of {self.robot} for {self.recording_name or 'it'}: {self.task}, {value}"
 
     @property
@@ -258,11 +258,14 @@ class Gait(Result):
             how = f"fell in {self.finals.falls} of {self.finals.runs} runs with other noise"
         else:
             how = f"below the goal of {self.success:.3g} {self.unit}"
-        simulators = "1 simulator" if self.k == 1 else f"{self.k} simulators"
         return (
-            f"{self.recording_name or self.robot}: the gait {how}. Task {self.task} in {simulators}: "
+            f"{self.recording_name or self.robot}: the gait {how}. Task {self.task} in {self._where}: "
             f"{self.fitness.min:.3g} {self.unit} in the worst, {self.fitness.mean:.3g} {self.unit} on average."
         )
+
+    @property
+    def _where(self) -> str:
+        return "1 simulator" if self.k == 1 else f"{self.k} simulators"
 
     @property
     def often_falls(self) -> bool:
