@@ -10,7 +10,8 @@ bootstrap over robots, of counts Clopper-Pearson's.
 `packaged` : the best of the robot's own gaits, by a trial of each. `hill` : the paper's hill climber on the nearest.
 `pulled` : the query's answer and its neighbours, each moved most of the way to it. `rounds` : `dynreg gait --trial`,
 three trials, the best gait of these; `first` : what `dynreg gait` finds without them; `luckiest` : of the three gaits
-the one that reached most in its one trial. All have the rollouts of the command. `true` : the oracle, the middle one of
+the one that reached most in its one trial. Each search of these three has the rollouts of the command, as many gaits as
+the other sources. `true` : the oracle, the middle one of
 five searches by what their gaits do on the robot. `calibrated` : the diagnosis without its causes: what it gains over
 that, the causes gain, and not the nameplate that only the diagnosis reads. What a cause needs is found from robots of
 the development that hide nothing (`--nulls`).
@@ -30,6 +31,7 @@ import numpy as np
 from gait_hidden_table import SOURCES, show, table
 from gait_jobs import ORACLES, TRIALS, Cells, Job, K, Plan, run, search_seed
 from gait_sources import LOGS, logged, simulators
+from kept import keep
 from walkers import FAMILY, NULL, RATE, Walker, excited, named, names, stood_and_trotted, walker_of
 
 import dynreg
@@ -155,6 +157,7 @@ def _rounds(job: Job, walker: Walker, real: SimulatedRobot) -> dict:
         threads=1,
         trials=TRIALS,
     )
+    before = real.spent
     with dynreg.open(job.registry, create=False) as reg:
         asked = Recorded(reg.registry, walker.robot, log, f"{job.plan.seed} {walker.name}")
         asked.register()
@@ -178,7 +181,8 @@ def _rounds(job: Job, walker: Walker, real: SimulatedRobot) -> dict:
         for one, there in zip(found.rounds, tried, strict=True)
     ]
     best = found.best or len(documents)
-    return {**tried[best - 1], "best": best, "first": tried[0], "rounds": rounds, "spent": asdict(spent)}
+    first = {**tried[0], "spent": asdict(before)}
+    return {**tried[best - 1], "best": best, "first": first, "rounds": rounds, "spent": asdict(spent)}
 
 
 def _none(step: dict) -> dict:
@@ -187,7 +191,10 @@ def _none(step: dict) -> dict:
 
 def main() -> None:
     """Fill in what is left of the table, print it, and keep it under benchmarks/results/."""
-    given = _given()
+    parser = _parser()
+    given = parser.parse_args()
+    if given.seed == TUNE:
+        parser.error(f"--seed {TUNE}: its robots are those of the development; say --tune")
     seed = TUNE if given.tune else given.seed
     plan = Plan(
         seed, given.robots, given.rollouts, given.entries, given.nulls, tuple(given.effects), given.packaged
@@ -219,12 +226,18 @@ def main() -> None:
     run(work, jobs, given.processes)
     out = table(journal.steps(), names(given.robots), task_of(load_robot("quadruped")).seconds)
     show(out)
-    if not given.tune:
-        kept = FILE.with_stem(FILE.stem + ending)
-        kept.write_text(json.dumps({"plan": asdict(plan), "halves": out}, indent=1) + "\n")
+    if given.journal is None:  # another one need not hold all that the kept table shows
+        whole = {"plan": asdict(plan), "halves": out}
+        keep(
+            FILE.with_stem(FILE.stem + ending),
+            whole,
+            parser,
+            given,
+            named=("only", "only_kind", "seed", "packaged"),
+        )
 
 
-def _given() -> argparse.Namespace:
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -243,7 +256,7 @@ def _given() -> argparse.Namespace:
     parser.add_argument("--journal", type=Path, help="[in benchmarks/results, by half and seed]")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--tune", action="store_true", help="the robots of the development; writes no table")
-    return parser.parse_args()
+    return parser
 
 
 if __name__ == "__main__":

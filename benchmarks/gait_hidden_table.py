@@ -24,6 +24,7 @@ SOURCES = (
     "true",
 )
 DRAWS = 4000  # of the bootstrap
+UNTOLD = {"spent": None, "core": None}  # of the first of several searches: only the sum of all is measured
 
 
 def table(steps: dict[tuple[str, str], dict], robots: Iterable[str], seconds: float) -> dict[str, dict]:
@@ -38,7 +39,7 @@ def table(steps: dict[tuple[str, str], dict], robots: Iterable[str], seconds: fl
         cells = {s: [steps[name, s] for name in whole] for s in sources}
         if "rounds" in cells:
             rounds = cells["rounds"]
-            cells = {"first": [c | c.get("first", {}) for c in rounds], **cells}
+            cells = {"first": [c | UNTOLD | c.get("first", {}) for c in rounds], **cells}
             if all("tried" in one for c in rounds for one in c.get("rounds", ())):
                 cells["luckiest"] = [c | _luckiest(c.get("rounds", ())) for c in rounds]
         speed = {s: np.array([100 * c["real"] / seconds for c in found]) for s, found in cells.items()}
@@ -74,15 +75,16 @@ def _luckiest(rounds: Sequence[dict]) -> dict:
 
 
 def _row(cells: list[dict], speed: np.ndarray, oracle: np.ndarray | None) -> dict:
-    spent = [c["spent"] for c in cells]
+    mean = lambda of: None if None in of else float(np.mean(of))  # noqa: E731
+    spent = [c["spent"] or {"trials": None, "seconds": None} for c in cells]
     return {
         "success": rate(c["success"] for c in cells).to_dict(),
         "falls": sum(c["fell"] for c in cells),
         "speed": _boot(lambda v: v, speed),
         "share": None if oracle is None else _boot(lambda v, o: v / o, speed, oracle),
-        "trials": float(np.mean([s["trials"] for s in spent])),
-        "seconds": float(np.mean([s["seconds"] for s in spent])),
-        "core": float(np.mean([c["core"] for c in cells])),
+        "trials": mean([s["trials"] for s in spent]),
+        "seconds": mean([s["seconds"] for s in spent]),
+        "core": mean([c["core"] for c in cells]),
     }
 
 
@@ -112,13 +114,17 @@ def show(out: dict[str, dict]) -> None:
             won = row["success"]
             print(
                 f"  {source:12s} {won['hits']:3d}/{won['of']:<3d}  {row['falls']:3d}   {_told(row['speed'])}"
-                f"  {_told(row['share']):21s} {row['trials']:6.1f}  {row['seconds']:6.1f}  {row['core']:6.0f}"
+                f"  {_told(row['share']):21s} {_cost(row['trials'])}  {_cost(row['seconds'])}  {_cost(row['core'])}"
             )
         for name, gain in found["gains"].items():
             more = ", ".join(f"{k} on {v}" for k, v in gain.items() if k not in ("value", "low", "high"))
             print(f"  {name}: {_told(gain)} cm/s {more}".rstrip())
         for name, causes in found["named"].items():
             print(f"    {name}: {causes if isinstance(causes, str) else ', '.join(causes) or 'nothing'}")
+
+
+def _cost(x: float | None) -> str:
+    return f"{'-':>6s}" if x is None else f"{x:6.1f}"
 
 
 def _told(x: dict | None) -> str:

@@ -9,11 +9,20 @@ FREE = ("threads", "journal", "processes", "registry", "resume")  # options that
 
 
 def keep(
-    path: Path, table: dict[str, Any], parser: argparse.ArgumentParser, given: argparse.Namespace
+    path: Path,
+    table: dict[str, Any],
+    parser: argparse.ArgumentParser,
+    given: argparse.Namespace,
+    named: tuple[str, ...] = (),
 ) -> bool:
-    """Write a table whose options are all the usual ones, else say why it is not written; whether it was."""
+    """Write a table whose options are all the usual ones, else say why it is not written; whether it was.
+
+    named : options that make it another table, whose path tells them.
+    """
     other = [
-        name for name, value in vars(given).items() if name not in FREE and value != parser.get_default(name)
+        name
+        for name, value in vars(given).items()
+        if name not in (*FREE, *named) and value != parser.get_default(name)
     ]
     if other:
         print(f"{path.name} stays as it is: {', '.join(other)} is not what the kept table has")
