@@ -7,8 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from dynreg.data.names import joint_of
 from dynreg.data.recording import Episode, Recording
+from dynreg.data.topics import Motion, Topic, joint_states, topics
 from dynreg.errors import LogError
-from dynreg.gait.runs import Motion, Topic, joint_states, topics
 from dynreg.gait.trials import Trials
 from dynreg.replay.timed import held
 from dynreg.sim.layout import BASE, layout_of

@@ -175,6 +175,18 @@ class Family(ABC):
         """(..., T, A) joint angles [rad] that come from rest at time 0 into a motion (..., T, A), in `ramp` seconds."""
         return faded(moving, self.pose, self.ramp, times)
 
+    def past(self, at: int, low: float, high: float, fastest: float) -> list[str]:
+        """Which limits action number `at` would pass between `low` and `high` [rad] at up to `fastest` [rad/s]."""
+        out, action = [], self.actions[at]
+        if low < self.low[at] - SLACK or high > self.high[at] + SLACK:
+            out.append(
+                f"{action} would go from {low:.3f} to {high:.3f} rad, "
+                f"past its limits {self.low[at]:.3f} and {self.high[at]:.3f}"
+            )
+        if fastest > self.speed[at] + SLACK * max(fastest, 1.0):
+            out.append(f"{action} would turn at {fastest:.2f} rad/s, past its limit {self.speed[at]:.2f}")
+        return out
+
     def outside(self, genes: np.ndarray) -> list[str]:
         """The genes of a gait (G,) that lie outside their bounds."""
         return [

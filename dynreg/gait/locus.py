@@ -130,16 +130,7 @@ class Locus(Family):
         fastest = self._rates(times, joints)[0]
         for leg, role in np.ndindex(*self.columns.shape):
             at, told = self.columns[leg, role], joints[0, leg, :, role]
-            if told.min() < self.low[at] - SLACK or told.max() > self.high[at] + SLACK:
-                out.append(
-                    f"{self.actions[at]} would go from {told.min():.3f} to {told.max():.3f} rad, "
-                    f"past its limits {self.low[at]:.3f} and {self.high[at]:.3f}"
-                )
-            if fastest[leg, role] > self.speed[at] + SLACK:
-                out.append(
-                    f"{self.actions[at]} would turn at {fastest[leg, role]:.2f} rad/s, "
-                    f"past its limit {self.speed[at]:.2f}"
-                )
+            out += self.past(at, told.min(), told.max(), fastest[leg, role])
         if (steps := self.frequency(genes)) > FASTEST + SLACK:
             out.append(f"each leg would step {steps:.2f} times a second, past {FASTEST:g}")
         return tuple(out)

@@ -7,9 +7,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dynreg.data.recording import Episode, Recording
+from dynreg.data.topics import Motion
 from dynreg.errors import LogError
 from dynreg.gait.beside import ATTITUDE, base_of, commands_of, measured
-from dynreg.gait.runs import Motion
 from dynreg.sim.engines.arena import has_fallen
 from dynreg.sim.layout import BASE, layout_of
 from dynreg.sim.real import RealRobot, RealTrial

@@ -7,9 +7,9 @@ from typing import Protocol
 import numpy as np
 
 from dynreg.data.names import joint_of
+from dynreg.data.topics import joint_states, mcap
 from dynreg.errors import UsageError
 from dynreg.gait.family import Family
-from dynreg.gait.runs import joint_states, mcap
 from dynreg.gait.table import JointTable, faded
 from dynreg.sim.ports import UNLIMITED
 

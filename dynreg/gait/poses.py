@@ -117,16 +117,7 @@ class Poses(Family):
         knots, told = self.passed(genes[None])
         rates = np.abs(np.diff(told[0], axis=0)) / np.diff(knots[0])[:, None]
         for at in self.columns:
-            low, high, fastest = told[0, :, at].min(), told[0, :, at].max(), rates[:, at].max()
-            if low < self.low[at] - SLACK or high > self.high[at] + SLACK:
-                out.append(
-                    f"{self.actions[at]} would go from {low:.3f} to {high:.3f} rad, "
-                    f"past its limits {self.low[at]:.3f} and {self.high[at]:.3f}"
-                )
-            if fastest > self.speed[at] + SLACK * max(fastest, 1.0):
-                out.append(
-                    f"{self.actions[at]} would turn at {fastest:.2f} rad/s, past its limit {self.speed[at]:.2f}"
-                )
+            out += self.past(at, told[0, :, at].min(), told[0, :, at].max(), rates[:, at].max())
         return tuple(out)
 
     def passed(self, genes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ from typing import Self
 
 import numpy as np
 
-from dynreg.gait.family import SCATTER, SLACK, Family, Gene, of_robot
+from dynreg.gait.family import SCATTER, Family, Gene, of_robot
 from dynreg.sim.gait_tables import GaitTable
 from dynreg.sim.robot import Robot
 
@@ -123,17 +123,7 @@ class Sines(Family):
         for leg, role in np.ndindex(*self.columns.shape):
             at = self.columns[leg, role]
             centre = self.signs[leg, role] * offset[role]
-            reach = (centre - amplitude[role], centre + amplitude[role])
-            if reach[0] < self.low[at] - SLACK or reach[1] > self.high[at] + SLACK:
-                out.append(
-                    f"{self.actions[at]} would go from {reach[0]:.3f} to {reach[1]:.3f} rad, "
-                    f"past its limits {self.low[at]:.3f} and {self.high[at]:.3f}"
-                )
-            if fastest[role] > self.speed[at] + SLACK:
-                out.append(
-                    f"{self.actions[at]} would turn at {fastest[role]:.2f} rad/s, "
-                    f"past its limit {self.speed[at]:.2f}"
-                )
+            out += self.past(at, centre - amplitude[role], centre + amplitude[role], fastest[role])
         return tuple(out)
 
     @cached_property

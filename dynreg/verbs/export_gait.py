@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from dynreg.data.recording import Recording
+from dynreg.data.topics import Topic, mcap
 from dynreg.errors import UsageError
 from dynreg.gait.beside import beside, joined, rate_of, rerun
 from dynreg.gait.play import FORMS, require_playable, told
-from dynreg.gait.runs import Topic, mcap
 from dynreg.registry import Registry
 from dynreg.results.gait import Gait
 from dynreg.sim.film import FORMS as PICTURES

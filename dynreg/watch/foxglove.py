@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from dynreg.gait.runs import Motion, Topic, joint_states, mcap, topics
+from dynreg.data.topics import Motion, Topic, joint_states, mcap, topics
 from dynreg.watch.frames import Frames
 
 

@@ -1,4 +1,4 @@
-"""A run of a gait, simulated beside measured, as an MCAP log for Foxglove."""
+"""Messages on topics and how a robot moved, as an MCAP log for Foxglove."""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
