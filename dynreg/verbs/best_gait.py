@@ -11,7 +11,7 @@ from dynreg.gait.tasks import Task
 from dynreg.gait.trials import Trials, simulators_of
 from dynreg.methods.answer import Answer
 from dynreg.results.gait import Gait
-from dynreg.verbs.gait_document import described
+from dynreg.verbs.gait_document import HowFound, described
 from dynreg.verbs.gait_simulators import Chosen
 from dynreg.verbs.simulators import simulator
 from dynreg.verbs.verb import Built
@@ -31,24 +31,16 @@ def best_gait(
     told = {"rate": robot.rate, "seed": settings.seed, "threads": settings.threads}
     trials = Trials(robot, task, simulators, **told)
     walk, (unseen,) = walked(trials, found.gait), expected(trials, found.gait[None])
-    made = described(
-        robot,
-        chosen,
-        trials,
-        walk,
-        unseen,
-        time.perf_counter() - began,
-        accept=USUAL,
-        recording=None,
-        recording_name="",
+    how = HowFound(
+        None,
+        "",
         method=settings.method,
         seed=settings.seed,
         ended=found.ended,
-        history=(),
         evaluations=len(found.tried),
-        resumed=0,
         notes=(_on_robot(found.tried, found.best, task),),
     )
+    made = described(chosen, trials, walk, unseen, time.perf_counter() - began, USUAL, how)
     return registry.put_result(made.schema_name(), None, made.to_dict()), made
 
 

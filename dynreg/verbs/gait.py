@@ -167,7 +167,7 @@ def gait(
     # once a gait has walked, both searches foresee what they bring with the doubt of the one near it
     (unseen,) = expected(trials, best.sought.genes[None], searches[0].doubt)
     about, seconds = (asked.recording.id, asked.name), time.perf_counter() - began
-    found = document(robot, about, chosen, trials, best, unseen, seconds)
+    found = document(about, chosen, trials, best, unseen, seconds)
     asked.keep(found)
     for path in best.journals:
         path.unlink(missing_ok=True)  # only after the gait is stored

@@ -1,7 +1,6 @@
 """The document of a gait, made from the result of its search."""
 
-from dataclasses import asdict
-from typing import Any
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -15,13 +14,27 @@ from dynreg.gait.ways import ways
 from dynreg.results.gait import OFTEN, Fitness, Gait, GaitExpected, GaitGene, GaitStep, GaitTable, GaitTrial
 from dynreg.results.result import Cost
 from dynreg.results.trials import rate
-from dynreg.sim.robot import Robot
 from dynreg.verbs.gait_searches import Searched
 from dynreg.verbs.gait_simulators import Chosen
 
 
+@dataclass(frozen=True)
+class HowFound:
+    """How a gait was found: the fields of its document that tell it, by their names there."""
+
+    recording: str | None
+    recording_name: str
+    method: str
+    seed: int
+    ended: str
+    evaluations: int
+    notes: tuple[str, ...]
+    history: tuple[GaitStep, ...] = ()
+    resumed: int = 0
+    packaged: int | None = None
+
+
 def document(
-    robot: Robot,
     recording: tuple[str | None, str],
     chosen: Chosen,
     trials: Trials,
@@ -34,47 +47,37 @@ def document(
     recording : id and name of that for which it was sought. unseen, seconds : see `described`.
     """
     search, sought = best.search, best.sought
-    found, finals = sought.found, sought.finals
-    return described(
-        robot,
-        chosen,
-        trials,
-        sought,
-        unseen,
-        seconds,
-        accept=search.accept,
-        recording=recording[0],
-        recording_name=recording[1],
-        finals=finals,
-        packaged=None if sought.packaged is None else sought.packaged + 1,
+    found = sought.found
+    how = HowFound(
+        *recording,
         method=search.method,
         seed=search.seed,
         ended=found.ended,
-        history=tuple(GaitStep(evaluations=n, value=v) for n, v in found.history),
         evaluations=found.evaluations,
-        resumed=found.resumed,
         notes=(*best.notes, *_notes(sought, search.accept)),
+        history=tuple(GaitStep(evaluations=n, value=v) for n, v in found.history),
+        resumed=found.resumed,
+        packaged=None if sought.packaged is None else sought.packaged + 1,
     )
+    return described(chosen, trials, sought, unseen, seconds, search.accept, how, sought.finals)
 
 
 def described(
-    robot: Robot,
     chosen: Chosen,
     trials: Trials,
     walked: Walked,
     unseen: np.ndarray,
     seconds: float,
-    *,
     accept: str,
+    how: HowFound,
     finals: Finals | None = None,
-    **how: Any,
 ) -> Gait:
-    """The document of a gait: what it is, and what it does in simulators.
+    """The document of a gait: what it is, how it was found, and what it does in simulators.
 
     unseen : (n,) its grades in runs that no choice has seen. seconds : wall time. accept : statistic over the
-    simulators that is its value. finals : the runs that chose it. how : the other fields, which say how the gait
-    was found.
+    simulators that is its value. finals : the runs that chose it.
     """
+    robot = trials.robot
     task, space = trials.task, trials.space
     values = {name: float(of(walked.fitness[None])[0]) for name, of in ACCEPT.items()}
     runs = len(walked.fell) + (finals.runs if finals else 0)
@@ -107,7 +110,7 @@ def described(
         finals=finals,
         trials=_trials(chosen, trials, walked),
         cost=Cost(evaluations=0, rollouts=trials.rollouts, seconds=seconds),
-        **how,
+        **vars(how),
     )
 
 
