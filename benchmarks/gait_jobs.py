@@ -13,7 +13,7 @@ from dynreg.diagnose.threshold import USUAL
 from dynreg.rng import stream_seed
 
 K = 5  # simulators, of ways that have several
-PULLED = 0.3  # of the way from the answer to a neighbour, where `pulled` has it
+PULLED = 0.3  # of the way from the answer to a neighbour, where `pulled` has it: our own choice
 TRIALS = 3  # of a gait on the robot, and of `rounds`
 ORACLES = 5
 

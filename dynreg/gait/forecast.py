@@ -11,12 +11,12 @@ from dynreg.gait.tasks import fell, fitness
 from dynreg.gait.trials import Trials
 
 COMPARED = 2 * UNSEEN  # draws that no search has seen, nor what is told of its gait
-AGAIN = COMPARED + EXPECTED
-# Of the ranges, 1 sigma, by which the simulators' parameters move. After three trials each of 18 quadrupeds of the
-# development, what was forecast erred by 0.43 m, by 0.40 m with twice as much, and what a trial reached by 0.65 m.
+SECOND = COMPARED + EXPECTED
+# Of the ranges, 1 sigma, by which the simulators' parameters move. On 18 quadrupeds of the development with three
+# trials each, the forecast erred by 0.43 m, and by 0.40 m with twice this doubt. A single trial erred by 0.65 m.
 DOUBT = 0.05
-# Of their scatter, by which simulators are at least wrong about each gait alone: so a trial counts even where they
-# agree. There, the error is 0.42 m with 0 and 0.44 m with 0.3.
+# Of their scatter (of the task's `success` where that is more), by which simulators are at least wrong about each gait
+# alone. So a trial counts even where they agree. On the same quadrupeds the error is 0.42 m with 0, 0.44 m with 0.3.
 ALONE = 0.1
 
 
@@ -37,7 +37,7 @@ def forecast(trials: Trials, had: Had, *new: np.ndarray) -> Forecast:
     """
     genes, n, m = np.array([*had.genes, *new]), len(had.genes) + len(new), len(had.genes)
     # twice in the same simulators, so that what differs is motor noise
-    seen = np.stack([expected(trials, genes, DOUBT, first=at, moved=COMPARED) for at in (COMPARED, AGAIN)])
+    seen = np.stack([expected(trials, genes, DOUBT, first=at, moved=COMPARED) for at in (COMPARED, SECOND)])
     first, second = fitness(seen)
     means, noise = fitness(seen).mean(axis=(0, 2)), ((first - second) ** 2).mean(axis=1) / 2
     shared = _covariance(np.cov(first, second)[:n, n:])

@@ -13,7 +13,7 @@ from dynreg.search.drive import Limits
 from dynreg.search.start import Start
 from dynreg.search.table import SEARCHES
 
-STEP = 0.05  # of the ranges, 1 sigma, at first
+STEP = 0.05  # of the ranges, 1 sigma, at first: our own choice
 # Of the ranges, 1 sigma, by which parameters move. Answers of queries about two quadrupeds were off by 0.11 to 0.28
 # (RMS over the parameters); with 0.03, a search went beyond what the robot could still walk.
 DOUBT = 0.1

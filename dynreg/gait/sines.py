@@ -18,7 +18,7 @@ from dynreg.sim.robot import Robot
 # Draws about the pose at rest, as shares of the ranges: how far phases scatter (1 sigma), and the largest amplitude.
 # Most of them fall, too, but searches that set out from the best end faster (bench_gait_search).
 PHASES, LARGEST = 0.03, 0.35
-ANY = 0.25  # of these draws whose legs have any phases
+ANY = 0.25  # of these draws whose legs have any phases: our own choice
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -5,7 +5,8 @@ the posterior of a linear model of the residuals (`intervals`), wider and narrow
 parameters of which the recording tells nothing keep the width of their ranges, and those that make up for each other
 move together. The motor noise is drawn, too, for replays run without it.
 
-The widest that replay as well are taken: they are no fair sample of a posterior, but what it must not be without.
+The widest that replay as well are taken. They are no fair sample of the posterior: they are the outermost parameters
+that still fit.
 Replays begin at the measured start states, with their errors. These are in all errors alike, so the noisier the start
 states, the more draws will do: the safer side.
 """

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from dynreg.errors import BudgetError, LogError, UsageError
 from dynreg.progress import Progress
 from dynreg.verbs.gait import GaitSettings
-from dynreg.verbs.next_gait import Tried, forecasts, had, next_gait, told_by
+from dynreg.verbs.next_gait import Tried, forecasts, had_by, next_gait, told_by
 from dynreg.verbs.settings import option
 from dynreg.verbs.simulators import POSTERIOR, WORDS
 
@@ -82,7 +82,7 @@ def gait_rounds(
             real.afford(task.seconds)  # before time is spent on a gait
             seed = stream_seed(settings.seed, "gait round", number) % 2**31 if rounds else settings.seed
             each = replace(settings.each, seed=seed, resume=True)
-            sought = partial(next_gait, last, by, each, had(asked.robot, task, tried), progress)
+            sought = partial(next_gait, last, by, each, had_by(asked.robot, task, tried), progress)
             found = kept(number, sought) if kept else sought()
             by = told_by(found, number, each, task, (last, by))
             require_playable(found)

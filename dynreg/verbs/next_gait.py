@@ -25,7 +25,7 @@ class Tried:
     fell: bool
 
 
-def had(robot: "Robot", task: "Task", tried: Sequence[Tried]) -> Had:
+def had_by(robot: "Robot", task: "Task", tried: Sequence[Tried]) -> Had:
     """What the next search is told of the gaits that the robot has had."""
     from dynreg.gait.space import gait_space
     from dynreg.verbs.gaits import genes_of
@@ -60,7 +60,7 @@ def forecasts(
         return (None,) * len(tried)
     seed = stream_seed(last.seed, "after the trials") % 2**31  # draws by which no gait was chosen
     trials = trials_in(asked, task, simulators, seed=seed, threads=threads)
-    return (*forecast(trials, had(asked.robot, task, tried)).values.tolist(),)
+    return (*forecast(trials, had_by(asked.robot, task, tried)).values.tolist(),)
 
 
 def next_gait(

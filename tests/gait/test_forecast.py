@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dynreg.errors import UsageError
-from dynreg.gait.forecast import AGAIN, COMPARED, DOUBT, Forecast, best_first, forecast, new_does_more
+from dynreg.gait.forecast import COMPARED, DOUBT, SECOND, Forecast, best_first, forecast, new_does_more
 from dynreg.gait.had import Had
 from dynreg.gait.near import MORE_FALLS
 from dynreg.gait.seek import EXPECTED, UNSEEN
@@ -63,8 +63,8 @@ def test_a_trial_of_one_gait_tells_of_those_about_which_simulators_are_wrong_ali
     told = forecast(trials, had(3.0), *np.array(gaits(4)[1:]))
     assert told.values == pytest.approx([2.0, 2.8, 3.0, 3.5], abs=0.15)
     draws = EXPECTED // SIMULATORS
-    assert [one[1:] for one in asked] == [(draws, at, DOUBT, COMPARED) for at in (COMPARED, AGAIN)]
-    assert AGAIN >= COMPARED + draws and COMPARED >= UNSEEN + EXPECTED  # draws that no search has seen
+    assert [one[1:] for one in asked] == [(draws, at, DOUBT, COMPARED) for at in (COMPARED, SECOND)]
+    assert SECOND >= COMPARED + draws and COMPARED >= UNSEEN + EXPECTED  # draws that no search has seen
     assert all(np.array_equal(genes, gaits(4)) for genes, *_ in asked)
 
 

@@ -34,7 +34,7 @@ from dynreg.verbs.gait import GaitSettings
 from dynreg.verbs.gait import gait as seek
 from dynreg.verbs.gait_simulators import Chosen, with_earlier
 from dynreg.verbs.gaits import genes_of
-from dynreg.verbs.next_gait import Tried, had
+from dynreg.verbs.next_gait import Tried, had_by
 from dynreg.verbs.simulators import Simulator, simulator
 from dynreg.verbs.subjects import Recorded, recorded
 from dynreg.verbs.trial_folder import MCAP_END, TrialFolder
@@ -222,13 +222,13 @@ def test_a_gait_walked_where_it_stood_and_reached_what_counts_as_success(opened,
     task, gaits = task_of(brief), [opened.gait("log", **(ASKED | {"seed": seed})) for seed in (1, 2)]
     genes = [tuple(gait_space(brief).from_dict(genes_of(g))) for g in gaits]
     for reached, walked in ((0.9, True), (task.success, True), (0.9 * task.success, False)):
-        told = had(brief, task, [Tried(gaits[0], 0.0, True), Tried(gaits[1], reached, False)])
+        told = had_by(brief, task, [Tried(gaits[0], 0.0, True), Tried(gaits[1], reached, False)])
         assert told.genes == (*genes,) and told.walked == (False, walked)
         assert told.simulators == tuple(t.simulator for g in gaits for t in g.trials)
         assert told.reached == (0.0, reached)
     for fitness_there in (0.0, 0.9):  # a fall behind the goal is a fall
-        assert had(brief, task, [Tried(gaits[0], fitness_there, True)]).walked == (False,)
-    assert had(brief, task, []) == Had()
+        assert had_by(brief, task, [Tried(gaits[0], fitness_there, True)]).walked == (False,)
+    assert had_by(brief, task, []) == Had()
 
 
 def test_the_budget_ends_the_trials_and_all_that_was_found_is_kept(opened, brief) -> None:
