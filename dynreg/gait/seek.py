@@ -119,7 +119,7 @@ class Finals:
 
 
 @dataclass(frozen=True, eq=False)
-class Walked:
+class Simulated:
     """What a gait (G,) did in k simulators: fitness (k,), falls (k,), and how it walked."""
 
     genes: np.ndarray
@@ -129,7 +129,7 @@ class Walked:
 
 
 @dataclass(frozen=True, eq=False)
-class Sought(Walked):
+class Sought(Simulated):
     """The gait that a search found, and what it did.
 
     found : the search alone. finals : None where no gait was tried again. packaged : number of the robot's own gait
@@ -143,11 +143,11 @@ class Sought(Walked):
     helpless: np.ndarray
 
 
-def walked(trials: Trials, genes: np.ndarray) -> Walked:
+def simulated(trials: Trials, genes: np.ndarray) -> Simulated:
     """A gait (G,), run once in every simulator."""
     walk = trials.walk(genes[None], feet=True)
     fell = walk.fell[:, 0] < walk.base.shape[2]
-    return Walked(genes, fitness(trials.task.grade(walk)[:, 0]), fell, walk)
+    return Simulated(genes, fitness(trials.task.grade(walk)[:, 0]), fell, walk)
 
 
 class Followed(TypedDict, total=False):
@@ -232,7 +232,7 @@ def answer(
     genes, starts = (space.feasible(space.from_unit(unit)) for unit in (best[None], space.starts))
     own = np.flatnonzero(np.isclose(starts, genes).all(axis=1))
     return Sought(
-        **vars(walked(trials, genes[0])),
+        **vars(simulated(trials, genes[0])),
         found=found,
         finals=finals,
         packaged=int(own[0]) if len(own) else None,

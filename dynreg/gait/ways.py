@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.gait.seek import Walked
+from dynreg.gait.seek import Simulated
 from dynreg.gait.tasks import YAW, X, Y
 
 POINTS = 100  # of a way that is kept
@@ -26,19 +26,19 @@ class Way:
     contacts: dict[str, list[tuple[float, float]]]
 
 
-def ways(walked: Walked, rate: float) -> tuple[Way, ...]:
+def ways(simulated: Simulated, rate: float) -> tuple[Way, ...]:
     """Of a gait in every simulator, with so many commands a second."""
-    return tuple(_way(walked, i, rate) for i in range(len(walked.fitness)))
+    return tuple(_way(simulated, i, rate) for i in range(len(simulated.fitness)))
 
 
-def _way(walked: Walked, i: int, rate: float) -> Way:
-    base = walked.walk.base[i, 0]
-    last = min(int(walked.walk.fell[i, 0]), len(base)) - 1
+def _way(simulated: Simulated, i: int, rate: float) -> Way:
+    base = simulated.walk.base[i, 0]
+    last = min(int(simulated.walk.fell[i, 0]), len(base)) - 1
     at = np.unique(np.linspace(0, max(last, 0), POINTS).astype(int))
-    contacts = walked.walk.contact.items()
+    contacts = simulated.walk.contact.items()
     return Way(
-        fitness=float(walked.fitness[i]),
-        fell=bool(walked.fell[i]),
+        fitness=float(simulated.fitness[i]),
+        fell=bool(simulated.fell[i]),
         time=(at / rate).tolist(),
         x=base[at, X].tolist(),
         y=base[at, Y].tolist(),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from dynreg.adapt.tried import Tried
 from dynreg.gait.accept import USUAL
-from dynreg.gait.seek import expected, walked
+from dynreg.gait.seek import expected, simulated
 from dynreg.gait.tasks import Task
 from dynreg.gait.trials import Trials, simulators_of
 from dynreg.methods.answer import Answer
@@ -30,7 +30,7 @@ def best_gait(
     simulators = simulators_of(robot, [one.config for one in chosen.simulators])
     told = {"rate": robot.rate, "seed": settings.seed, "threads": settings.threads}
     trials = Trials(robot, task, simulators, **told)
-    walk, (unseen,) = walked(trials, found.gait), expected(trials, found.gait[None])
+    what, (unseen,) = simulated(trials, found.gait), expected(trials, found.gait[None])
     how = HowFound(
         None,
         "",
@@ -40,7 +40,7 @@ def best_gait(
         evaluations=len(found.tried),
         notes=(_on_robot(found.tried, found.best, task),),
     )
-    made = described(chosen, trials, walk, unseen, time.perf_counter() - began, USUAL, how)
+    made = described(chosen, trials, what, unseen, time.perf_counter() - began, USUAL, how)
     return registry.put_result(made.schema_name(), None, made.to_dict()), made
 
 

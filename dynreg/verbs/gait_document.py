@@ -6,7 +6,7 @@ import numpy as np
 
 from dynreg.gait.accept import ACCEPT
 from dynreg.gait.play import joints
-from dynreg.gait.seek import Finals, Sought, Walked
+from dynreg.gait.seek import Finals, Simulated, Sought
 from dynreg.gait.table import JointTable
 from dynreg.gait.tasks import fell, fitness
 from dynreg.gait.trials import Trials
@@ -65,7 +65,7 @@ def document(
 def described(
     chosen: Chosen,
     trials: Trials,
-    walked: Walked,
+    simulated: Simulated,
     unseen: np.ndarray,
     seconds: float,
     accept: str,
@@ -79,9 +79,9 @@ def described(
     """
     robot = trials.robot
     task, space = trials.task, trials.space
-    values = {name: float(of(walked.fitness[None])[0]) for name, of in ACCEPT.items()}
-    runs = len(walked.fell) + (finals.runs if finals else 0)
-    falls = int(walked.fell.sum()) + (finals.falls if finals else 0)
+    values = {name: float(of(simulated.fitness[None])[0]) for name, of in ACCEPT.items()}
+    runs = len(simulated.fell) + (finals.runs if finals else 0)
+    falls = int(simulated.fell.sum()) + (finals.falls if finals else 0)
     stood = falls <= (0 if accept == "min" else OFTEN * runs)
     return Gait(
         robot=robot.name,
@@ -98,17 +98,17 @@ def described(
         kind=space.kind,
         genes={
             g.name: GaitGene(value=float(v), low=g.low, high=g.high, unit=g.unit)
-            for g, v in zip(space.genes, walked.genes, strict=True)
+            for g, v in zip(space.genes, simulated.genes, strict=True)
         },
         joints=joints(space),
-        table=_table(space.table(walked.genes)),
+        table=_table(space.table(simulated.genes)),
         accept=accept,
         value=values[accept],
         fitness=Fitness(**values),
         expected=_expected(unseen),
         succeeded=bool(stood and values[accept] >= task.success),
         finals=finals,
-        trials=_trials(chosen, trials, walked),
+        trials=_trials(chosen, trials, simulated),
         cost=Cost(evaluations=0, rollouts=trials.rollouts, seconds=seconds),
         **vars(how),
     )
@@ -118,10 +118,10 @@ def _table(table: JointTable) -> GaitTable:
     return GaitTable(period=table.period, times=table.times.tolist(), targets=table.targets.tolist())
 
 
-def _trials(chosen: Chosen, trials: Trials, walked: Walked) -> tuple[GaitTrial, ...]:
+def _trials(chosen: Chosen, trials: Trials, simulated: Simulated) -> tuple[GaitTrial, ...]:
     as_dict = trials.robot.space.as_dict
     each = zip(
-        chosen.simulators, chosen.kinds, trials.simulators.values, ways(walked, trials.rate), strict=True
+        chosen.simulators, chosen.kinds, trials.simulators.values, ways(simulated, trials.rate), strict=True
     )
     return tuple(
         GaitTrial(simulator=one.id, kind=kind, parameters=as_dict(values), **asdict(way))
