@@ -166,10 +166,10 @@ def _commands(gait: Played, table: JointTable, times: np.ndarray) -> np.ndarray:
 
 def csv(gait: Played) -> bytes:
     """A table of times and angles."""
-    return table([j.action for j in gait.joints], *commands(gait))
+    return csv_of([j.action for j in gait.joints], *commands(gait))
 
 
-def table(actions: Sequence[str], times: np.ndarray, told: np.ndarray) -> bytes:
+def csv_of(actions: Sequence[str], times: np.ndarray, told: np.ndarray) -> bytes:
     """Text with a column `time` [s] (T,) and one for each action (T, A)."""
     lines = [",".join(["time", *actions])]
     lines += [",".join([f"{t:.6f}", *(f"{q:.6f}" for q in row)]) for t, row in zip(times, told, strict=True)]

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 OVER = {"min": "at worst", "quantile": "at the lower quartile", "mean": "on average"}
 OFTEN = 0.1  # share of runs that fall, above which a gait is not told as a success: by contract
-POINTS = 128  # of a period, in the table of a document of version 1: as many as new ones of sines have
+POINTS = 128  # of a period, in the table that a document of version 1 is read as: by contract
 
 
 class GaitGene(Interval):

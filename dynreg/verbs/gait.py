@@ -75,22 +75,22 @@ class GaitSettings(Settings):
         """Whether simulators take turns, so that a gait costs as many runs however many there are."""
         return self.on == POSTERIOR
 
-    def many(self) -> int:
-        """Most simulators in which the search may run: of draws as many as its rollouts can try finalists in."""
+    def most_chosen(self) -> int:
+        """Most simulators that are chosen anew: of draws as many as the rollouts can try finalists in."""
         from dynreg.gait.seek import AGAIN, FINALISTS, ROUNDS
 
         if self.turns:
             return min(max(int(AGAIN * (self.rollouts or ROLLOUTS)) // (ROUNDS * FINALISTS), 1), MANY)
         return self.k if self.on in SEVERAL else 1
 
-    def most(self, searches: "Sequence[SearchSettings]") -> int | None:
-        """Most simulators in which these searches may run, those of earlier logs among them; None for any number."""
+    def most_in_all(self, searches: "Sequence[SearchSettings]") -> int | None:
+        """Most simulators of these searches, those of earlier logs among them; None for any number."""
         from dynreg.gait.near import most_simulators
 
         if not self.turns:
             return None
         each = (
-            most_simulators(one.rollouts) if one.near else replace(self, rollouts=one.rollouts).many()
+            most_simulators(one.rollouts) if one.near else replace(self, rollouts=one.rollouts).most_chosen()
             for one in searches
         )
         return min(MANY, *each)
@@ -155,13 +155,13 @@ def gait(
     robot = asked.robot
     task = task_of(robot, settings.task)
     gait_space(robot, task.motion)  # raises its errors before the registry is read, as too few rollouts do
-    many = settings.many()
+    many = settings.most_chosen()
     settings.search(many).evaluations(many)
     wanted = QuerySettings(k=settings.k, population=settings.population, threads=settings.threads)
     chosen = choose(asked, settings.on, wanted, many, settings.seed, progress)
     searches = settings.searches(len(chosen.simulators), any(had.walked))
     if settings.turns or searches[0].near:
-        chosen = with_earlier(asked, chosen, had.simulators, settings.most(searches))
+        chosen = with_earlier(asked, chosen, had.simulators, settings.most_in_all(searches))
     trials = trials_in(asked, task, chosen.simulators, seed=settings.seed, threads=settings.threads)
     if searches[0].near:
         had = best_first(trials, had)

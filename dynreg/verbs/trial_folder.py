@@ -11,7 +11,7 @@ import numpy as np
 
 from dynreg.data.readers import formats
 from dynreg.errors import UsageError
-from dynreg.gait.play import table
+from dynreg.gait.play import csv_of
 from dynreg.verbs.gaits import gait_of
 from dynreg.verbs.subjects import read_log
 from dynreg.verbs.written import write_new
@@ -80,7 +80,7 @@ class TrialFolder:
         path = self.path / f"{name}.csv"
         if not path.exists():
             self._require_played(name)
-            write_new(path, table(self.robot.actions, np.arange(len(actions)) / rate, actions))
+            write_new(path, csv_of(self.robot.actions, np.arange(len(actions)) / rate, actions))
         elif not _holds(path, actions):
             raise UsageError(
                 f"{str(path)!r} holds other commands than the gait of this trial",

@@ -43,7 +43,7 @@ def found(opened: Session) -> Gait:
 def test_it_is_sought_in_the_answer_and_draws_about_it(found: Gait, opened: Session) -> None:
     answer = opened.registry.latest("neighbours")
     assert found.on == "posterior" and found.source == answer.id and found.accept == "mean"
-    assert found.value == found.fitness.mean and found.k == GaitSettings(rollouts=400).many() == 6
+    assert found.value == found.fitness.mean and found.k == GaitSettings(rollouts=400).most_chosen() == 6
     assert found.finals.runs > found.k and found.evaluations > 400 / found.k  # they took turns
     first, *others = (t.parameters for t in found.trials)
     told = answer.document["answer_parameters"]

@@ -77,7 +77,7 @@ def test_draws_of_the_posterior_take_turns() -> None:
     usual, few = GaitSettings().search(16), GaitSettings(rollouts=500).search(16)
     assert (usual.rollouts, few.rollouts) == (ROLLOUTS_IN_DRAWS, 500)
     assert usual.met(16) == MEETS and usual.met(1) == 1 and usual.doubt == 0.05
-    many = {rollouts: GaitSettings(rollouts=rollouts).many() for rollouts in (60, 400, 959, 960, 7500)}
+    many = {rollouts: GaitSettings(rollouts=rollouts).most_chosen() for rollouts in (60, 400, 959, 960, 7500)}
     assert many == {60: 1, 400: 6, 959: 15, 960: 16, 7500: MANY}  # finalists are tried in all
     for rollouts, draws in many.items():
         assert GaitSettings(rollouts=rollouts).search(draws).met(draws) == min(MEETS, draws)
@@ -104,17 +104,17 @@ def test_so_few_rollouts_as_serve_for_one_gait_serve_for_the_next(method: str) -
     batch = SEARCHES[method].batch
     for rollouts in range(batch, 1000):
         settings = GaitSettings(method=method, rollouts=rollouts)
-        searches = settings.searches(settings.many(), walked=True)
+        searches = settings.searches(settings.most_chosen(), walked=True)
         assert sum(one.rollouts for one in searches) == rollouts and searches[0].near
         assert len(searches) == 1 + (rollouts >= 4 * batch)
-        most = settings.most(searches)
+        most = settings.most_in_all(searches)
         assert all(one.rollouts >= batch for one in searches)
         # all points of the way are tried in all of them
         assert 5 <= 5 * most <= max(0.35 * searches[0].rollouts, 5)
         for one in searches[1:]:
             assert one.evaluations(most) >= batch and one.met(most) == min(MEETS, most)
-    assert GaitSettings().most(GaitSettings().searches(16, walked=True)) == MANY
-    assert GaitSettings(on="nearest").most(GaitSettings(on="nearest").searches(5, walked=True)) is None
+    assert GaitSettings().most_in_all(GaitSettings().searches(16, walked=True)) == MANY
+    assert GaitSettings(on="nearest").most_in_all(GaitSettings(on="nearest").searches(5, walked=True)) is None
 
 
 def test_a_gait_is_stored_and_comes_back(found: Gait, opened: Session) -> None:
