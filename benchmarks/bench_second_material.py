@@ -140,12 +140,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--robots", type=int, default=20, help="half of them with the material")
     parser.add_argument("--tune", action="store_true")
-    parser.add_argument(
-        "--journal", type=Path, default=Path(__file__).parent / "registry" / "second_material.jsonl"
-    )
+    parser.add_argument("--journal", type=Path)
     given = parser.parse_args()
     seed = TUNE if given.tune else REPORT
-    journal = Journal(given.journal, {"table": "second material", "seed": seed, "version": 1})
+    path = given.journal or RESULTS / f"second_material{'_tune_' if given.tune else ''}.jsonl"
+    journal = Journal(path, {"table": "second material", "seed": seed, "version": 1})
     journal.begin()
     robot, done = load_robot("aibo"), {line["robot"] for line in journal.lines()}
     for number in sorted({*range(given.robots)} - done):
