@@ -17,11 +17,11 @@ from dynreg.gait.space import gait_space
 from dynreg.gait.trials import Trials
 from dynreg.results import Gait
 from dynreg.session import Session
-from dynreg.verbs import gait_searches
+from dynreg.verbs import gait_searches, gait_simulators
 from dynreg.verbs.gait import GaitSettings
 from dynreg.verbs.gait import gait as seek
 from dynreg.verbs.gaits import genes_of
-from dynreg.verbs.subjects import recorded
+from dynreg.verbs.subjects import Recorded, recorded
 
 HOW = {"k": 2, "rollouts": 400, "threads": 1}
 
@@ -38,6 +38,27 @@ def opened(tmp_path_factory: pytest.TempPathFactory, brief, short_log) -> Iterat
 @pytest.fixture(scope="module")
 def found(opened: Session) -> Gait:
     return opened.gait("log", **HOW)
+
+
+@pytest.fixture(scope="module")
+def other(opened: Session) -> Gait:
+    """Of another seed."""
+    return opened.gait("log", seed=1, **HOW)
+
+
+@pytest.fixture
+def asked_before(found: Gait, opened: Session, monkeypatch: pytest.MonkeyPatch) -> Recorded:
+    """The recording, whose query need not be asked again: it has the answer, and the draws, of `found`."""
+    asked = recorded(opened.registry, "log", ingest=True)
+    simulators = gait_simulators.simulators_named(asked, [t.simulator for t in found.trials])
+    same = gait_simulators.Chosen(found.on, tuple(t.kind for t in found.trials), simulators, found.source)
+
+    def chosen(of: Recorded, on: str, settings, many: int, seed: int, progress) -> gait_simulators.Chosen:
+        assert (of, on, many, seed) == (asked, found.on, found.k, found.seed)
+        return same
+
+    monkeypatch.setattr(gait_simulators, "choose", chosen)
+    return asked
 
 
 def test_it_is_sought_in_the_answer_and_draws_about_it(found: Gait, opened: Session) -> None:
@@ -62,8 +83,10 @@ def test_it_is_sought_in_the_answer_and_draws_about_it(found: Gait, opened: Sess
     assert lineage == {"made_by": "gait", "kind": "posterior"}
 
 
-def test_the_same_seed_finds_the_same_and_another_draws_others(found: Gait, opened: Session) -> None:
-    again, other = opened.gait("log", **HOW), opened.gait("log", seed=1, **HOW)
+def test_the_same_seed_finds_the_same_and_another_draws_others(
+    found: Gait, other: Gait, opened: Session
+) -> None:
+    again = opened.gait("log", **HOW)
     ids = [[t.simulator for t in one.trials] for one in (found, again, other)]
     assert again.genes == found.genes and ids[0] == ids[1]
     assert ids[0][0] == ids[2][0] and ids[0][1:] != ids[2][1:]  # the answer is the same
@@ -71,19 +94,18 @@ def test_the_same_seed_finds_the_same_and_another_draws_others(found: Gait, open
 
 
 def test_once_one_walked_the_better_of_two_searches_is_taken_in_the_simulators_of_all_logs(
-    found: Gait, opened: Session, brief, monkeypatch: pytest.MonkeyPatch
+    found: Gait, other: Gait, opened: Session, asked_before, brief, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked = recorded(opened.registry, "log", ingest=True)
     genes = tuple(gait_space(brief).from_dict(genes_of(found)).tolist())
-    earlier = opened.gait("log", seed=1, **HOW).trials[1].simulator
-    other = tuple(1.01 * gene for gene in genes)
-    had = Had((other, genes), (0.1, 0.5), (False, True), simulators=(earlier,))
+    earlier = other.trials[1].simulator
+    fell = tuple(1.01 * gene for gene in genes)
+    had = Had((fell, genes), (0.1, 0.5), (False, True), simulators=(earlier,))
     compared, stages, again, own = [], [], [], Trials.again
     monkeypatch.setattr(Trials, "again", lambda self, *a, **how: again.append(how) or own(self, *a, **how))
     for taken in (False, True):
         told = lambda *given, taken=taken: compared.append(given) or taken  # noqa: E731
         monkeypatch.setattr("dynreg.verbs.gait_searches.new_does_more", told)
-        gait = seek(asked, GaitSettings(**HOW), lambda *told: stages.append(told[0]), had=had)
+        gait = seek(asked_before, GaitSettings(**HOW), lambda *told: stages.append(told[0]), had=had)
         _, before, near, new = compared[-1]
         assert before == had.ordered((1, 0))  # the one that walked is the first
         assert not np.array_equal(near, new)
@@ -98,14 +120,15 @@ def test_once_one_walked_the_better_of_two_searches_is_taken_in_the_simulators_o
     assert {"search 1 of 2", "search 2 of 2"} <= {*stages}
     # what both may bring is told alike
     assert [how["doubt"] for how in again if how.get("first") == UNSEEN] == [NEAR, NEAR]
-    fell = replace(had, walked=(False, False))
-    assert seek(asked, GaitSettings(**HOW), had=fell).trials[-1].simulator == earlier and len(compared) == 2
+    none = replace(had, walked=(False, False))
+    alone = seek(asked_before, GaitSettings(**HOW), had=none)
+    assert alone.trials[-1].simulator == earlier and len(compared) == 2
     assert not list((opened.path / "searches").glob("*"))
 
 
 @pytest.mark.parametrize(("walked", "told"), [(True, [2, 0]), (False, [2])])
 def test_the_first_search_alone_is_told_what_the_robot_has_had(
-    walked: bool, told: list[int], found: Gait, opened: Session, brief, monkeypatch: pytest.MonkeyPatch
+    walked: bool, told: list[int], found: Gait, asked_before, brief, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     searches = []
 
@@ -114,19 +137,23 @@ def test_the_first_search_alone_is_told_what_the_robot_has_had(
 
     for kind in ("seek_near", "seek"):
         monkeypatch.setattr(gait_searches, kind, spied(getattr(gait_searches, kind)))
+    monkeypatch.setattr(gait_searches, "new_does_more", lambda *_: True)  # many runs, for what is not asked
     genes = tuple(gait_space(brief).from_dict(genes_of(found)).tolist())
     other = tuple(1.01 * gene for gene in genes)
     had = Had((other, genes), (0.1, 0.5), (False, walked))
-    seek(recorded(opened.registry, "log", ingest=True), GaitSettings(**HOW), had=had)
+    seek(asked_before, GaitSettings(**HOW), had=had)
     assert [len(one.tried) for one in searches] == told
     assert searches[0].tried == ((genes, other) if walked else (other, genes))  # from the one that walked
 
 
-def test_the_second_search_goes_on_where_it_was_interrupted(found: Gait, opened: Session, brief) -> None:
-    asked, done = recorded(opened.registry, "log", ingest=True), []
+def test_the_second_search_goes_on_where_it_was_interrupted(
+    found: Gait, opened: Session, asked_before, brief, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(gait_searches, "new_does_more", lambda *_: True)  # so the second one's is the answer
+    done = []
     genes = tuple(gait_space(brief).from_dict(genes_of(found)).tolist())
     had = Had((genes,), (0.5,), (True,))
-    whole = seek(asked, GaitSettings(**HOW), had=had)
+    whole = seek(asked_before, GaitSettings(**HOW), had=had)
 
     def interrupt(stage: str, at: int, total: int) -> None:
         done.extend([at] if stage == "search 2 of 2" else [])
@@ -134,9 +161,9 @@ def test_the_second_search_goes_on_where_it_was_interrupted(found: Gait, opened:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        seek(asked, GaitSettings(**HOW), interrupt, had=had)
-    gone_on = seek(asked, GaitSettings(**HOW, resume=True), had=had)
-    kept = {"cost": whole.cost, "resumed": whole.resumed, "source": whole.source}
+        seek(asked_before, GaitSettings(**HOW), interrupt, had=had)
+    gone_on = seek(asked_before, GaitSettings(**HOW, resume=True), had=had)
+    kept = {"cost": whole.cost, "resumed": whole.resumed}
     assert gone_on.model_copy(update=kept) == whole and gone_on.cost.rollouts < whole.cost.rollouts
     assert not list((opened.path / "searches").glob("*"))
 
@@ -144,8 +171,6 @@ def test_the_second_search_goes_on_where_it_was_interrupted(found: Gait, opened:
 def test_where_no_simulator_is_close_the_query_is_kept_and_the_diagnosis_advised(
     opened: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from dynreg.verbs import gait_simulators
-
     judged, before = gait_simulators.judged, len(opened.registry.ids("result"))
     far = lambda *a: judged(*a).model_copy(update={"fits": False, "alarm": "far off"})  # noqa: E731
     monkeypatch.setattr(gait_simulators, "judged", far)
