@@ -1,10 +1,8 @@
 """Gaits tried on a robot in turn: the loop through a robot, a function and a folder, its budget, and going on."""
 
 import json
-import threading
-import time
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+import shutil
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import made_up_results
@@ -37,21 +35,37 @@ from dynreg.verbs.gaits import genes_of
 from dynreg.verbs.next_gait import Tried, had_by
 from dynreg.verbs.simulators import Simulator, simulator
 from dynreg.verbs.subjects import Recorded, recorded
-from dynreg.verbs.trial_folder import MCAP_END, TrialFolder
+from dynreg.verbs.trial_folder import EVERY, MCAP_END, PATIENCE, QUIET, TrialFolder
 
 ROLLOUTS = 22  # two batches of CMA-ES in one simulator
 ASKED = {"on": "synthesised", "rollouts": ROLLOUTS, "threads": 1, "progress": None}
 
 
-@pytest.fixture
-def opened(tmp_path: Path, brief, short_log, monkeypatch: pytest.MonkeyPatch) -> Iterator[Session]:
-    """A registry with "log" and two simulators; `queried` has the recordings that a query was asked about."""
-    with session.open(tmp_path / "registry") as made:
+@pytest.fixture(autouse=True)
+def quick_trials(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Trials on a robot are many here, and none needs the usual ten steps for one of the simulators."""
+    monkeypatch.setattr("dynreg.sim.real.FINER", 2)
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory, brief, short_log) -> tuple[Path, list[str]]:
+    """The folder of a registry with "log" and two simulators, and their ids."""
+    folder = tmp_path_factory.mktemp("kept") / "registry"
+    values = brief.space.as_dict(brief.space.nominal)
+    with session.open(folder) as made:
         made.ingest(short_log, brief, name="log")
-        values = brief.space.as_dict(brief.space.nominal)
         configs = [SimConfig(brief.hash, brief.name, values | {"torque": torque}) for torque in (1.3, 1.5)]
-        ids = [made.registry.put_simulator(config.as_dict()) for config in configs]
+        return folder, [made.registry.put_simulator(config.as_dict()) for config in configs]
+
+
+@pytest.fixture
+def opened(tmp_path: Path, kept, brief, monkeypatch: pytest.MonkeyPatch) -> Iterator[Session]:
+    """A copy of that registry; `queried` has the recordings that a query was asked about."""
+    folder, ids = kept
+    shutil.copytree(folder, tmp_path / "registry")
+    with session.open(tmp_path / "registry") as made:
         made.queried, made.fits, made.ids = [], {}, ids
+        nominal = brief.space.as_dict(brief.space.nominal)
 
         def query(asked, settings, progress):
             made.queried.append(asked.name)
@@ -60,11 +74,25 @@ def opened(tmp_path: Path, brief, short_log, monkeypatch: pytest.MonkeyPatch) ->
                 raise fits
             answer = made_up_results.neighbours(fits=fits)
             told = answer.synthesised.model_copy(update={"simulator": ids[asked.name == "log"]})
-            near = Neighbour(entry=ids[0], name="n", index=0, distance=1.0, parameters=configs[0].values)
+            near = Neighbour(
+                entry=ids[0], name="n", index=0, distance=1.0, parameters=nominal | {"torque": 1.3}
+            )
             return answer.model_copy(update={"robot": brief.name, "neighbours": (near,), "synthesised": told})
 
         monkeypatch.setattr("dynreg.verbs.gait_simulators.query", query)
         yield made
+
+
+@pytest.fixture
+def one_gait(opened: Session, monkeypatch: pytest.MonkeyPatch) -> Gait:
+    """The gait that every search finds from now on: none runs."""
+    found = opened.gait("log", **ASKED)
+
+    def same(asked: Recorded, settings: GaitSettings, *_, had: Had) -> Gait:
+        return found.model_copy(update={"seed": settings.seed, "recording": asked.recording.id})
+
+    monkeypatch.setattr("dynreg.verbs.next_gait.gait", same)
+    return found
 
 
 def robot_of(brief: Robot, **budget: int) -> SimulatedRobot:
@@ -155,7 +183,9 @@ def test_after_the_trials_gaits_are_forecast_in_the_simulators_of_the_last(
 
 
 @pytest.mark.parametrize("fell", [(False, False, False), (False, True, False), (True, False, False)])
-def test_of_those_that_stood_the_highest_forecast_is_the_best(fell, opened, brief, monkeypatch) -> None:
+def test_of_those_that_stood_the_highest_forecast_is_the_best(
+    fell, opened, one_gait, brief, monkeypatch
+) -> None:
     real, order = robot_of(brief), [1.0, 3.0, 2.0]
 
     def trial(actions: np.ndarray, rate: float, name: str) -> Recording:
@@ -219,12 +249,17 @@ def test_of_too_many_simulators_half_are_of_earlier_logs(opened, brief) -> None:
 
 
 def test_a_gait_walked_where_it_stood_and_reached_what_counts_as_success(opened, brief) -> None:
-    task, gaits = task_of(brief), [opened.gait("log", **(ASKED | {"seed": seed})) for seed in (1, 2)]
+    task, first = task_of(brief), opened.gait("log", **ASKED)
+    doubled = {
+        name: gene.model_copy(update={"value": 2.0 * gene.value}) for name, gene in first.genes.items()
+    }
+    at = tuple(one.model_copy(update={"simulator": opened.ids[0]}) for one in first.trials)
+    gaits = [first, first.model_copy(update={"genes": doubled, "trials": at})]
     genes = [tuple(gait_space(brief).from_dict(genes_of(g))) for g in gaits]
     for reached, walked in ((0.9, True), (task.success, True), (0.9 * task.success, False)):
         told = had_by(brief, task, [Tried(gaits[0], 0.0, True), Tried(gaits[1], reached, False)])
         assert told.genes == (*genes,) and told.walked == (False, walked)
-        assert told.simulators == tuple(t.simulator for g in gaits for t in g.trials)
+        assert told.simulators == (opened.ids[1], opened.ids[0])  # the query tells of the second one
         assert told.reached == (0.0, reached)
     for fitness_there in (0.0, 0.9):  # a fall behind the goal is a fall
         assert had_by(brief, task, [Tried(gaits[0], fitness_there, True)]).walked == (False,)
@@ -314,22 +349,42 @@ def test_a_kick_that_no_log_scores_is_refused_before_anything_moves(tmp_path: Pa
     assert played == [] and not [*tmp_path.glob("trials/*")]
 
 
-class Operator(threading.Thread):
+class Clock:
+    """Stands in for `time` in `trial_folder`: to sleep moves it, and whoever writes into the folder is next.
+
+    steps : (seconds after the one before, what is done then), in turn.
+    """
+
+    def __init__(self, steps: Sequence[tuple[float, Callable[[], object]]] = ()):
+        self.now, self._steps, at = 0.0, [], 0.0
+        for after, step in steps:
+            at += after
+            self._steps.append((at, step))
+
+    def monotonic(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.now += seconds
+        assert self.now < 3600.0, "it waits for ever"
+        while self._steps and self._steps[0][0] <= self.now:
+            self._steps.pop(0)[1]()
+
+
+class Operator(Clock):
     """Plays what appears in a folder on a hidden robot, and puts the logs there."""
 
-    def __init__(self, folder: Path, real: SimulatedRobot, trials: int):
-        super().__init__(daemon=True)
-        self.folder, self.real, self.trials = folder, real, trials
+    def __init__(self, folder: Path, real: SimulatedRobot):
+        super().__init__()
+        self.folder, self.real = folder, real
 
-    def run(self) -> None:
-        for number in range(1, self.trials + 1):
-            path = self.folder / f"trial_{number}.csv"
-            while not path.exists():
-                time.sleep(0.05)
-            time.sleep(0.05)
+    def sleep(self, seconds: float) -> None:
+        super().sleep(seconds)
+        path = self.folder / f"trial_{self.real.spent.trials + 1}.csv"
+        if path.exists():
             told = np.loadtxt(path, delimiter=",", skiprows=1)
             log = self.real.run(told[:, 1:], 1.0 / (told[1, 0] - told[0, 0])).recording
-            write_log(self.folder / f"trial_{number}_log.csv", log)
+            write_log(path.with_name(f"{path.stem}_log.csv"), log)
 
 
 def write_log(path: Path, log: Recording) -> None:
@@ -351,17 +406,15 @@ def write_log(path: Path, log: Recording) -> None:
 def test_trials_through_a_folder_are_those_of_the_robot_and_a_second_start_goes_on(
     opened: Session, brief: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("dynreg.verbs.trial_folder.QUIET", 0.3)
-    monkeypatch.setattr("dynreg.verbs.trial_folder.EVERY", 0.05)
     folder, said, names = tmp_path / "trials", [], opened.registry.recording("log").names
     asked = ASKED | {"log_map": tmp_path / "map.toml"}
     units = {c.name: c.unit for c in opened.registry.recording("log").channels}
     lines = [f'"{name}" = {{ source = "my {name}", unit = "{units[name]}" }}' for name in names]
     asked["log_map"].write_text("\n".join(['[map]\nrobot = "quadruped"\n\n[channels]', *lines]))
-    operator = Operator(folder, robot_of(brief), 2)
-    operator.start()
+    operator = Operator(folder, robot_of(brief))
+    monkeypatch.setattr("dynreg.verbs.trial_folder.time", operator)
     found = opened.gait_rounds("log", folder, trials=2, say=said.append, **asked)
-    operator.join()
+    assert operator.real.spent.trials == 2
     alone = opened.gait_rounds("log", robot_of(brief), trials=2, **ASKED)
     assert [one.fell for one in found.rounds] == [one.fell for one in alone.rounds]
     assert found.rounds[0].fitness == pytest.approx(alone.rounds[0].fitness, abs=0.05)
@@ -405,64 +458,51 @@ def test_trials_through_a_folder_are_those_of_the_robot_and_a_second_start_goes_
 KINDS = (("gait", ".json"), ("trial", ".csv"), ("trial", "_log.csv"))
 
 
+def append(path: Path, data: bytes) -> None:
+    with open(path, "ab") as file:
+        file.write(data)
+
+
 def test_a_log_is_read_when_it_is_whole(
     brief: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("dynreg.verbs.trial_folder.QUIET", 0.6)
-    monkeypatch.setattr("dynreg.verbs.trial_folder.EVERY", 0.05)
-    monkeypatch.setattr("dynreg.verbs.trial_folder.PATIENCE", 0.8)
-    said, at = [], {}
+    csv, mcap, bag = (tmp_path / f"trial_{name}" for name in ("1_log.csv", "2_log.mcap", "3_log"))
+    steps = [
+        # of no format that can be read
+        (1.0, lambda: (tmp_path / "trial_1_log.csv.part").write_text("time")),
+        (9.0, lambda: csv.write_bytes(b"")),
+        (2.0 * QUIET, lambda: append(csv, b"time\n")),  # an empty one is none yet
+        *[(0.8 * QUIET, lambda: append(csv, b"0\n"))] * 3,  # pauses shorter than the quiet
+        (2.0 * QUIET, lambda: append(mcap, b"some")),
+        (1.5 * PATIENCE, lambda: append(mcap, MCAP_END)),  # but a file of this format has an end
+        (2.0 * QUIET, bag.mkdir),  # as a recorder makes it, before the robot moves
+        (0.0, lambda: (bag / "one.db3").write_text("")),
+        (5.0 * QUIET, lambda: (bag / "metadata.yaml").write_text("")),
+    ]
+    at = np.cumsum([after for after, _ in steps])
+    clock, said = Clock(steps), []
+    monkeypatch.setattr("dynreg.verbs.trial_folder.time", clock)
     folder = TrialFolder(tmp_path, None, brief, say=said.append)
-
-    def writes() -> None:
-        (tmp_path / "trial_1_log.csv.part").write_text("time")  # of no format that can be read
-        for i in range(4):  # pauses shorter than the quiet
-            time.sleep(0.3)
-            with open(tmp_path / "trial_1_log.csv", "a") as file:
-                file.write(f"{i}\n")
-        at["csv"] = time.monotonic()
-        with open(tmp_path / "trial_2_log.mcap", "wb") as file:
-            file.write(b"some")
-        time.sleep(1.5)  # a long pause, but a file of this format has an end
-        with open(tmp_path / "trial_2_log.mcap", "ab") as file:
-            file.write(MCAP_END)
-        at["mcap"] = time.monotonic()
-        (tmp_path / "trial_3_log").mkdir()  # as a recorder makes it, before the robot moves
-        (tmp_path / "trial_3_log" / "one.db3").write_text("")
-        time.sleep(1.0)
-        (tmp_path / "trial_3_log" / "metadata.yaml").write_text("")
-        at["bag"] = time.monotonic()
-
-    writer = threading.Thread(target=writes, daemon=True)
-    writer.start()
-    for name, kind in (("trial_1", "csv"), ("trial_2", "mcap"), ("trial_3", "bag")):
-        with ThreadPoolExecutor(1) as waiting:
-            log = waiting.submit(folder._arrived, name).result(timeout=30.0)
-        assert log.name.startswith(f"{name}_log") and log.suffix != ".part"
-        assert time.monotonic() >= at[kind] + 0.5
-    writer.join()
-    assert sum("trial_2_log.mcap is there, but its end is not written" in line for line in said) == 1
+    for name, log, whole in (("trial_1", csv, at[5]), ("trial_2", mcap, at[7]), ("trial_3", bag, at[-1])):
+        assert folder._arrived(name) == log
+        assert QUIET <= clock.now - whole <= QUIET + 2 * EVERY  # when it is seen, and when it was quiet
+    slow = [line for line in said if "is there, but its end is not written" in line]
+    assert len(slow) == 2 and str(mcap) in slow[0] and str(bag) in slow[1]
 
 
 def test_a_file_with_another_name_than_the_log_is_told_once(
     brief: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("dynreg.verbs.trial_folder.QUIET", 0.3)
-    monkeypatch.setattr("dynreg.verbs.trial_folder.EVERY", 0.02)
     (tmp_path / "notes.md").write_text("there before")
+    named = [
+        (0.0, lambda name=name: (tmp_path / name).write_text("time\n0\n"))
+        for name in ("log_1.csv", ".trial_1_log.csv", "trial_1_log.csv.part")
+    ]
+    rename = lambda: (tmp_path / "log_1.csv").rename(tmp_path / "trial_1_log.csv")  # noqa: E731
+    monkeypatch.setattr("dynreg.verbs.trial_folder.time", Clock([*named, (10.0, rename)]))
     said = []
     folder = TrialFolder(tmp_path, None, brief, say=said.append)
-
-    def writes() -> None:
-        time.sleep(0.2)
-        for name in ("log_1.csv", ".trial_1_log.csv", "trial_1_log.csv.part"):
-            (tmp_path / name).write_text("time\n0\n")
-        time.sleep(0.2)
-        (tmp_path / "log_1.csv").rename(tmp_path / "trial_1_log.csv")
-
-    threading.Thread(target=writes, daemon=True).start()
-    with ThreadPoolExecutor(1) as waiting:
-        assert waiting.submit(folder._arrived, "trial_1").result(timeout=30.0).name == "trial_1_log.csv"
+    assert folder._arrived("trial_1").name == "trial_1_log.csv"
     assert said == ["log_1.csv is not read: trial_1_log.mcap (or .csv, .bag, ...) is waited for"]
 
 
