@@ -67,6 +67,12 @@ def run(
     return back_to_reality(world, rules, gaits, BEGIN, FREE)
 
 
+@pytest.fixture(scope="module")
+def usual() -> Reached:
+    """What a run with all defaults reaches."""
+    return run(Robot())
+
+
 def apart(simulator: np.ndarray) -> float:
     """Mean difference over gaits that no choice has seen."""
     unseen = stream(9, "unseen").uniform(size=(200, 4))
@@ -88,13 +94,12 @@ def test_the_absolute_difference_brings_the_simulator_near_and_the_signed_one_le
     assert apart(found["signed"].simulator) > apart(BEGIN), "the slowest simulator has its lowest value"
 
 
-def test_a_gait_and_a_simulator_make_each_other_better() -> None:
-    found = run(Robot())
+def test_a_gait_and_a_simulator_make_each_other_better(usual: Reached) -> None:
     first = scores(GAIT[None], HIDDEN[None])[0, 0]
-    assert found.best.score > 1.5 * first and found.ended == "iterations"
-    assert [v.iteration for v in found.versions] == [0, 1, 2] and found.versions[2].parent == 1
-    assert all(v.after < 0.6 * v.before for v in found.versions[1:])
-    second = [t.simulated for t in found.tried if t.iteration == 2 and t.step == TRANSFER]
+    assert usual.best.score > 1.5 * first and usual.ended == "iterations"
+    assert [v.iteration for v in usual.versions] == [0, 1, 2] and usual.versions[2].parent == 1
+    assert all(v.after < 0.6 * v.before for v in usual.versions[1:])
+    second = [t.simulated for t in usual.tried if t.iteration == 2 and t.step == TRANSFER]
     assert min(second) > 1.5 * first, "the second search begins with what stood on the robot"
 
 
@@ -114,13 +119,13 @@ def test_gaits_that_fall_are_discarded_and_counted_and_shape_nothing() -> None:
 
 
 @pytest.mark.parametrize("most", [1, 5, 17, 33, 60])
-def test_the_budget_ends_it_with_the_best_version_and_no_error(most: int) -> None:
-    whole, part = run(Robot()), run(Robot(most))
+def test_the_budget_ends_it_with_the_best_version_and_no_error(most: int, usual: Reached) -> None:
+    part = run(Robot(most))
     assert part.ended == "trials"
     assert sum(len(one.trials) for one in part.tried) == most
     counted = [one.score for one in part.tried if len(one.trials) == SMALL.repeats]
     assert part.best.score == max(counted or [one.score for one in part.tried])
-    played = [s for one in whole.tried for s in one.scores][:most]
+    played = [s for one in usual.tried for s in one.scores][:most]
     assert [s for one in part.tried for s in one.scores] == played, "a budget changes nothing before its end"
     assert (len(part.versions) > 1) == (most >= 5), "what was tried is used, even where no trial is left"
 
@@ -156,8 +161,7 @@ def test_the_best_small_step_counts_by_trials_of_its_own() -> None:
     assert found.best.gait.tobytes() == max(single, key=lambda one: one.score).gait.tobytes()
 
 
-def test_the_goal_ends_the_trials_of_gaits_from_the_simulator_too() -> None:
-    usual = run(Robot())
+def test_the_goal_ends_the_trials_of_gaits_from_the_simulator_too(usual: Reached) -> None:
     there = [one for one in usual.tried if one.step == TRANSFER and one.iteration == 1]
     first = next(i for i, one in enumerate(there) if one.score >= 0.5)
     assert first < len(there) - 1
@@ -312,15 +316,15 @@ def simulated(found: Reached) -> list[tuple]:
 @pytest.mark.parametrize("keeps", [True, False])
 @pytest.mark.parametrize("breaks", [1, 14, 32, 40])
 def test_what_was_interrupted_goes_on_to_the_same_end_and_counts_every_trial_once(
-    tmp_path: Path, breaks: int, keeps: bool
+    tmp_path: Path, breaks: int, keeps: bool, usual: Reached
 ) -> None:
-    whole, first, second = run(Robot()), Robot(breaks=breaks), Robot()
+    first, second = Robot(breaks=breaks), Robot()
     with pytest.raises(KeyboardInterrupt):
         kept(tmp_path, first, resume=False, keeps=keeps)
     found = kept(tmp_path, second, resume=True, keeps=keeps)
     told = lambda r: [(t.gait.tobytes(), t.scores, t.simulated) for t in r.tried]  # noqa: E731
-    assert told(found) == told(whole) and simulated(found) == simulated(whole)
-    assert len(first.played) + len(second.played) == sum(len(t.trials) for t in whole.tried)
+    assert told(found) == told(usual) and simulated(found) == simulated(usual)
+    assert len(first.played) + len(second.played) == sum(len(t.trials) for t in usual.tried)
     numbers = [n for one in found.tried for n in one.trials]
     assert numbers == [n for n in range(1, numbers[-1] + 1) if keeps or n != breaks + 1]
     assert [one.number for one in second.counted] == [*range(1, breaks + (1 if keeps else 2))]
@@ -441,9 +445,9 @@ def test_a_difference_that_is_negative_at_first_does_not_end_the_search_for_a_si
     assert found.versions[1].before < 0.0 and sum(many > 1 for many in asked) == rules.turns
 
 
-def test_the_same_seed_gives_the_same_bytes_and_another_another() -> None:
-    ends = lambda seed: [v.simulator.tobytes() for v in run(Robot(), seed=seed).versions]  # noqa: E731
-    assert ends(4) == ends(4) != ends(5)
+def test_the_same_seed_gives_the_same_bytes_and_another_another(usual: Reached) -> None:
+    ends = lambda found: [v.simulator.tobytes() for v in found.versions]  # noqa: E731
+    assert ends(usual) == ends(run(Robot(), seed=4)) != ends(run(Robot(), seed=5))
 
 
 def test_the_page_names_the_least_budget() -> None:

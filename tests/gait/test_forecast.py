@@ -106,16 +106,19 @@ def test_what_scatters_by_noise_alone_is_no_error_of_the_simulators(trials, monk
     assert told == pytest.approx([2.0, 2.0, 2.0], abs=0.1)
 
 
-def test_in_simulators_it_is_the_same_each_time_and_a_far_off_trial_tells_more(trials) -> None:
-    space = trials.space
+def test_in_simulators_it_is_the_same_each_time_and_a_far_off_trial_tells_more(trials, monkeypatch) -> None:
+    space, again, seen = trials.space, trials.again, []
+    monkeypatch.setattr(trials, "again", lambda *a, **how: seen.append(again(*a, **how)) or seen[-1])
     genes = space.feasible(space.from_unit(space.starts[:3]))
 
     def tell(*reached: float) -> Forecast:
         tried = Had(tuple(map(tuple, genes[:2])), reached, (False, False))
         return forecast(trials, tried, genes[2])
 
-    low, again, high = tell(0.1, 0.1), tell(0.1, 0.1), tell(0.4, 0.4)
-    assert np.array_equal(low.values, again.values) and ((0 <= low.falls) & (low.falls <= 1)).all()
+    low, same, high = tell(0.1, 0.1), tell(0.1, 0.1), tell(0.4, 0.4)
+    assert np.array_equal(low.values, same.values) and np.array_equal(low.falls, same.falls)
+    fell = [np.count_nonzero(runs < 0.5 * FELL, axis=(1, 2)) for runs in seen[:2]]
+    assert low.falls == pytest.approx(sum(fell) / (2 * EXPECTED))
     assert (high.values[:2] > low.values[:2]).all() and np.isfinite(high.values).all()
 
 
