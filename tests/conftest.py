@@ -57,6 +57,14 @@ def _fixed_seeds() -> None:
     np.random.seed(0)  # noqa: NPY002
 
 
+@pytest.fixture(scope="module", autouse=True)
+def power_stays() -> Iterator[None]:
+    """What is written need not be waited for, a tenth of the time or more: only `tests/registry` cuts the power."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(os, "fsync", lambda _: None)
+        yield
+
+
 @pytest.fixture(scope="session")
 def data_dir() -> Path:
     """The folder of measured data (`DYNREG_DATA_DIR`, or shared/data beside the repository)."""

@@ -1,6 +1,5 @@
 """Back to Reality over a toy: a gait scores by how near it is to what the robot hides, and some gaits fall."""
 
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -66,12 +65,6 @@ def run(
 ) -> Reached:
     world = World(play, robot, lambda step: stream(seed, "toy", step), journal)
     return back_to_reality(world, rules, gaits, BEGIN, FREE)
-
-
-@pytest.fixture(autouse=True)
-def no_power_cut(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Journals need not be on the disk: waiting for it took four fifths of the time."""
-    monkeypatch.setattr(os, "fsync", lambda _: None)
 
 
 @pytest.fixture(scope="module")

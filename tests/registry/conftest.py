@@ -19,6 +19,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
                 item.add_marker(pytest.mark.skip(reason=why))
 
 
+@pytest.fixture(scope="module", autouse=True)
+def power_stays() -> None:
+    """It may go here at any moment, so all is waited for as on any machine."""
+
+
 @pytest.fixture
 def path(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Path]:
     """Where a new registry can be opened; with `--store shared`, the local folder of an empty one on the servers."""
