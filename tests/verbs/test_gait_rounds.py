@@ -35,7 +35,7 @@ from dynreg.verbs.gaits import genes_of
 from dynreg.verbs.next_gait import Tried, had_by
 from dynreg.verbs.simulators import Simulator, simulator
 from dynreg.verbs.subjects import Recorded, recorded
-from dynreg.verbs.trial_folder import EVERY, MCAP_END, PATIENCE, QUIET, TrialFolder
+from dynreg.verbs.trial_folder import EVERY, MCAP_END, PATIENCE, QUIET, TrialFolder, state
 
 ROLLOUTS = 22  # two batches of CMA-ES in one simulator
 ASKED = {"on": "synthesised", "rollouts": ROLLOUTS, "threads": 1, "progress": None}
@@ -279,6 +279,32 @@ def test_the_budget_ends_the_trials_and_all_that_was_found_is_kept(opened, brief
     assert len(found.rounds) == found.falls == 1 and found.seconds == pytest.approx(0.5, abs=0.1)
 
 
+def test_a_budget_that_a_gait_would_exceed_ends_the_trials_too(
+    opened, brief, one_gait, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = robot_of(brief, seconds=50)
+    run = real.run
+    monkeypatch.setattr(real, "run", lambda *told: real.afford(99.0) if real.spent.trials else run(*told))
+    found = opened.gait_rounds("log", real, trials=3, **ASKED)
+    assert len(found.rounds) == 1 and found.ended.startswith("the budget of 50 seconds")
+
+
+def test_where_an_error_ends_the_trials_what_they_brought_is_kept(opened, brief, one_gait) -> None:
+    real = robot_of(brief)
+
+    def played(actions: np.ndarray, rate: float, name: str) -> Recording:
+        if name == "trial_3":
+            raise KeyboardInterrupt
+        return real.run(actions, rate, name).recording
+
+    with pytest.raises(KeyboardInterrupt):
+        opened.gait_rounds("log", played, trials=3, **ASKED)
+    kept = opened.result("@last")
+    assert isinstance(kept, GaitRounds) and kept.ended == "an error after trial 2"
+    assert [one.fitness for one in kept.rounds] == [pytest.approx(one.worth) for one in kept.rounds]
+    assert len(kept.rounds) == 2 and kept.seconds == pytest.approx(3.0)  # in the third it may have moved
+
+
 def _cut(log: Recording) -> Recording:
     """The log of a robot that was stopped half way."""
     from dataclasses import replace
@@ -488,6 +514,26 @@ def test_a_log_is_read_when_it_is_whole(
         assert QUIET <= clock.now - whole <= QUIET + 2 * EVERY  # when it is seen, and when it was quiet
     slow = [line for line in said if "is there, but its end is not written" in line]
     assert len(slow) == 2 and str(mcap) in slow[0] and str(bag) in slow[1]
+
+
+def test_a_log_that_goes_away_is_waited_for_again(
+    brief: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log, seen = tmp_path / "trial_1_log.mcap", []
+
+    def looked(path: Path) -> object:
+        found = state(path)
+        seen.append(found)
+        if len(seen) == 5:  # once it was looked at
+            path.unlink()
+        return found
+
+    steps = [(1.0, lambda: log.write_bytes(MCAP_END)), (60.0, lambda: log.write_bytes(MCAP_END))]
+    clock = Clock(steps)
+    monkeypatch.setattr("dynreg.verbs.trial_folder.time", clock)
+    monkeypatch.setattr("dynreg.verbs.trial_folder.state", looked)
+    assert TrialFolder(tmp_path, None, brief, say=print)._arrived("trial_1") == log
+    assert 61.0 + QUIET <= clock.now <= 61.0 + QUIET + 2 * EVERY
 
 
 def test_a_file_with_another_name_than_the_log_is_told_once(
