@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 SOURCES = (POSTERIOR, *WORDS, NOMINAL, "random", "population")
 # Where a gait is sought: in the query's answer and draws that the recording cannot tell apart from it. What is sought
-# in the answer alone is quick and falls; what must walk in the nearest five (the paper's way) creeps (bench_gait_ways).
+# in the answer alone is quick and falls; what must walk in the nearest five (the paper's way) is half as quick
+# (bench_gait_ways).
 ON = POSTERIOR
 SEVERAL = ("nearest", "random", "population")  # which mean k simulators
 MANY = 16  # simulators of the posterior at most, the answer among them
@@ -28,8 +29,8 @@ MEETS, DOUBT, ROLLOUTS = 4, 0.05, 7500
 # Of these rollouts, for the search near a gait that walked. There a gait costs one run, not four, so a quarter of the
 # rollouts tries as many gaits. What it found went farther on six of six quadrupeds of the development.
 NEARBY = 0.25
-# The mean is raised where simulators are drawn. Some draws of the ranges cannot even stand, so the minimum would be 0;
-# with the minimum over draws of the posterior, gaits creep.
+# The mean is raised where simulators are drawn. Some draws of the ranges cannot even stand, so the minimum would be 0.
+# Over draws of the posterior, the minimum, the lower quartile and the mean do alike (bench_gait_ways).
 MEAN, DRAWN = "mean", (POSTERIOR, "population")
 
 
