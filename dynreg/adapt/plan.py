@@ -11,7 +11,7 @@ from pydantic import Field, PrivateAttr, field_validator
 
 from dynreg.errors import UsageError
 from dynreg.search.strategy import CARRIED, STEP
-from dynreg.search.table import SEARCHES
+from dynreg.search.table import FORMER, SEARCHES
 from dynreg.sim.table import Table
 from dynreg.tomlfile import line_of, parse_toml, read_text
 
@@ -72,9 +72,8 @@ class StageTable(Table):
 
     @field_validator("search", mode="before")
     @classmethod
-    def _old_word(cls, given: object) -> object:
-        """Stored plans call `ga` by its former name."""
-        return "ga" if given == "genetic" else given
+    def _by_its_name(cls, given: object) -> object:
+        return FORMER.get(given, given) if isinstance(given, str) else given
 
 
 class PlanFile(Table):

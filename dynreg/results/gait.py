@@ -4,10 +4,11 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import BaseModel, Field, field_validator, model_validator
 
 from dynreg.axes import axes_for
 from dynreg.results.result import Cost, Interval, Result
+from dynreg.search.table import FORMER
 
 if TYPE_CHECKING:
     import numpy as np
@@ -181,6 +182,11 @@ class Gait(Result):
     resumed: int
     notes: tuple[str, ...] = ()
     cost: Cost
+
+    @field_validator("method", mode="before")
+    @classmethod
+    def _by_its_name(cls, given: object) -> object:
+        return FORMER.get(given, given) if isinstance(given, str) else given
 
     @model_validator(mode="before")
     @classmethod

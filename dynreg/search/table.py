@@ -34,6 +34,9 @@ class Kind:
         return getattr(import_module(f"dynreg.search.{module}"), function)(start)
 
 
+FORMER: Mapping[str, str] = MappingProxyType({"cmaes": "cma", "genetic": "ga"})
+"""{former name: name}: commands, plans and documents that are stored may have it."""
+
 SEARCHES: Mapping[str, Kind] = MappingProxyType(
     {
         kind.name: kind

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 from dynreg.errors import Assumed, NoMatchError, UsageError, command
 from dynreg.methods.table import METHODS
 from dynreg.progress import Progress
-from dynreg.verbs.settings import OLD_METHODS, Settings, hold_out, option, seed, threads
+from dynreg.search.table import FORMER
+from dynreg.verbs.settings import Settings, hold_out, option, seed, threads
 from dynreg.verbs.simulators import NAMES, NOMINAL, OLD
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ class CalibrateSettings(Settings):
     Raises UsageError for a setting that means nothing to the method, and for a method without what it needs.
     """
 
-    method: str = option("cma", "How the simulator is found.", choices=tuple(METHODS), old=OLD_METHODS)
+    method: str = option("cma", "How the simulator is found.", choices=tuple(METHODS), old=FORMER)
     seed: int = seed()
     budget: int | None = option(
         None, "Most simulations.", usual="600 of a search, else its own number", least=1

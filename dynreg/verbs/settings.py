@@ -18,7 +18,7 @@ from typing import Any, TypeVar, get_args
 
 from dynreg.errors import OldWord, UsageError
 from dynreg.executor import LOCAL, NAMES
-from dynreg.search.table import SEARCHES
+from dynreg.search.table import FORMER, SEARCHES
 
 Wrapped = TypeVar("Wrapped", bound=Callable[..., Any])
 _OPTION = "option"
@@ -134,12 +134,9 @@ def seed() -> Any:
     return option(0, "Seed of the random numbers.", least=0, shared=True)
 
 
-OLD_METHODS = {"cmaes": "cma", "genetic": "ga"}
-
-
 def method() -> Any:
     """The setting that every verb has which searches."""
-    return option("cma", "Search method.", choices=tuple(SEARCHES), old=OLD_METHODS)
+    return option("cma", "Search method.", choices=tuple(SEARCHES), old=FORMER)
 
 
 def hold_out(usual: str = "a fifth of the episodes; of one run, pieces of it") -> Any:
