@@ -1,7 +1,8 @@
 """Gaits tried on a robot in turn: the trials' logs tell in which simulators the next gait is sought."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from itertools import count
@@ -62,8 +63,9 @@ def gait_rounds(
     kept : gives the gait of a round, by its number, instead of the one that a call would seek; see `TrialFolder`. It
     also says that a second call goes on. Without it, what the trials brought is stored even where an error ends them.
     say : tells what a gait may bring, and what it brought.
-    Raises as `gait` and `real.run` do, UsageError where the simulators do not come from a query, a kept gait was sought
-    otherwise or no trial on the robot can tell what the task scores, LogError where a log does not tell it.
+    Raises as `gait` and `real.run` do, but for BudgetError, which ends the trials. Raises UsageError where the
+    simulators do not come from a query, a kept gait was sought otherwise or no trial on the robot can tell what the
+    task scores, LogError where a log does not tell it.
     """
     from dynreg.gait.play import commands, require_playable
     from dynreg.gait.tasks import task_of
@@ -74,36 +76,44 @@ def gait_rounds(
     _require_seen(task, real)
     by = last = asked
     ended, before = "the budget of trials", real.spent.seconds
+    document = lambda ended: _document(asked, task, rounds, real.spent.seconds - before, ended)  # noqa: E731
+    with nullcontext() if kept else _stored_if_interrupted(asked, rounds, document):
+        try:
+            for number in range(1, (settings.trials or TRIALS) + 1):
+                if settings.falls and sum(one.fell for one in rounds) >= settings.falls:
+                    ended = f"{settings.falls} falls"
+                    break
+                real.afford(task.seconds)  # before time is spent on a gait
+                seed = stream_seed(settings.seed, "gait round", number) % 2**31 if rounds else settings.seed
+                each = replace(settings.each, seed=seed, resume=True)
+                sought = partial(next_gait, last, by, each, had_by(asked.robot, task, tried), progress)
+                found = kept(number, sought) if kept else sought()
+                by = told_by(found, number, each, task, (last, by))
+                require_playable(found)
+                say(f"trial {number}: {found.prediction}")
+                trial = real.run(commands(found)[1], found.rate, f"trial_{number}")
+                fits, last = by is last, _registered(asked, found, number, trial)
+                tried.append(Tried(found, _fitness(task, trial), trial.fell))
+                rounds.append(_round(tried[-1], fits, last))
+                say(f"trial {number}: {rounds[-1].outcome(task.unit)}; its log is {last.name!r}")
+        except BudgetError as spent:
+            ended = spent.problem
+        again = forecasts(by, task, tried, settings.threads)
+    rounds[:] = [one.model_copy(update={"again": v}) for one, v in zip(rounds, again, strict=True)]
+    return document(ended)
+
+
+@contextmanager
+def _stored_if_interrupted(
+    asked: "Recorded", rounds: "list[GaitRound]", document: "Callable[[str], GaitRounds]"
+) -> Iterator[None]:
+    """Store what the trials brought, where an error or Ctrl-C ends them: nobody can have them again."""
     try:
-        for number in range(1, (settings.trials or TRIALS) + 1):
-            if settings.falls and sum(one.fell for one in rounds) >= settings.falls:
-                ended = f"{settings.falls} falls"
-                break
-            real.afford(task.seconds)  # before time is spent on a gait
-            seed = stream_seed(settings.seed, "gait round", number) % 2**31 if rounds else settings.seed
-            each = replace(settings.each, seed=seed, resume=True)
-            sought = partial(next_gait, last, by, each, had_by(asked.robot, task, tried), progress)
-            found = kept(number, sought) if kept else sought()
-            by = told_by(found, number, each, task, (last, by))
-            require_playable(found)
-            say(f"trial {number}: {found.prediction}")
-            trial = real.run(commands(found)[1], found.rate, f"trial_{number}")
-            reached = _fitness(task, trial)
-            tried.append(Tried(found, reached, trial.fell))
-            rounds.append(_round(found, by is last, asked, number, trial, reached))
-            say(f"trial {number}: {rounds[-1].outcome(task.unit)}; its log is {rounds[-1].name!r}")
-            log = asked.registry.recording(rounds[-1].recording)
-            last = replace(asked, recording=log, name=rounds[-1].name)
-    except BudgetError as spent:
-        ended = spent.problem
+        yield
     except BaseException:
-        if rounds and kept is None:
-            ended = f"an error after trial {len(rounds)}"
-            asked.keep(_document(asked, task, rounds, real.spent.seconds - before, ended))
+        if rounds:
+            asked.keep(document(f"interrupted after trial {len(rounds)}"))
         raise
-    again = forecasts(by, task, tried, settings.threads)
-    rounds = [one.model_copy(update={"again": v}) for one, v in zip(rounds, again, strict=True)]
-    return _document(asked, task, rounds, real.spent.seconds - before, ended)
 
 
 def _fitness(task: "Task", trial: "RealTrial") -> float:
@@ -141,38 +151,37 @@ def require_query(on: str) -> None:
         )
 
 
-def _round(
-    found: "Gait",
-    fits: bool,
-    asked: "Recorded",
-    number: int,
-    trial: "RealTrial",
-    reached: float,
-) -> "GaitRound":
-    """What is kept of a trial; the gait and the log are registered."""
-    from dynreg.results.gait_rounds import GaitRound
+def _registered(asked: "Recorded", found: "Gait", number: int, trial: "RealTrial") -> "Recorded":
+    """The log of a trial, registered with its gait before anybody judges it."""
     from dynreg.verbs.ingest import ingest
 
     registry = asked.registry
     identity = registry.put_result(found.schema_name(), found.recording, found.to_dict())
-    numbers = (
-        f"{asked.name} trial {i}" for i in count(number)
-    )  # trials of an earlier call have some of them
+    # trials of an earlier call have some of the names
+    numbers = (f"{asked.name} trial {i}" for i in count(number))
     name = next(name for name in numbers if registry.may_be_called(trial.recording, name))
     log = ingest(registry, trial.recording, asked.robot, name=name, gait=identity)
+    return replace(asked, recording=registry.recording(log.recording), name=name)
+
+
+def _round(tried: Tried, fits: bool, log: "Recorded") -> "GaitRound":
+    """What is told of a trial, of which gait and log are registered."""
+    from dynreg.results.gait_rounds import GaitRound
+
+    found = tried.gait
     return GaitRound(
-        gait=identity,
+        gait=log.recording.provenance["gait"],
         simulators=tuple(one.simulator for one in found.trials),
         told_by=found.recording,
         fits=fits,
         median=found.expected.median,
         p5=found.expected.p5,
         p95=found.expected.p95,
-        recording=log.recording,
-        name=name,
+        recording=log.recording.id,
+        name=log.name,
         packaged=found.packaged,
-        fitness=reached,
-        fell=trial.fell,
+        fitness=tried.reached,
+        fell=tried.fell,
     )
 
 

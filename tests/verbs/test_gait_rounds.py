@@ -300,9 +300,30 @@ def test_where_an_error_ends_the_trials_what_they_brought_is_kept(opened, brief,
     with pytest.raises(KeyboardInterrupt):
         opened.gait_rounds("log", played, trials=3, **ASKED)
     kept = opened.result("@last")
-    assert isinstance(kept, GaitRounds) and kept.ended == "an error after trial 2"
+    assert isinstance(kept, GaitRounds) and kept.ended == "interrupted after trial 2"
     assert [one.fitness for one in kept.rounds] == [pytest.approx(one.worth) for one in kept.rounds]
     assert len(kept.rounds) == 2 and kept.seconds == pytest.approx(3.0)  # in the third it may have moved
+
+
+@pytest.mark.parametrize("name", ["_fitness", "forecasts"])
+def test_no_log_is_lost_where_what_it_tells_cannot_be_judged(
+    name: str, opened, brief, one_gait, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls = []
+
+    def judged(*told: object) -> float:
+        calls.append(told)
+        if len(calls) == 2 or name == "forecasts":
+            raise LogError("it does not tell", expected="a fitness", do="x")
+        return 0.2
+
+    monkeypatch.setattr(f"dynreg.verbs.gait_rounds.{name}", judged)
+    with pytest.raises(LogError, match="does not tell"):
+        opened.gait_rounds("log", robot_of(brief), trials=2, **ASKED)
+    kept = opened.result("@last")
+    assert isinstance(kept, GaitRounds) and kept.best is not None
+    assert len(kept.rounds) == (2 if name == "forecasts" else 1)
+    assert opened.registry.recording("log trial 2").provenance["gait"]
 
 
 def _cut(log: Recording) -> Recording:
@@ -460,6 +481,11 @@ def test_trials_through_a_folder_are_those_of_the_robot_and_a_second_start_goes_
     for other in ({"task": "turn"}, {"seed": 4}, {"on": "nearest", "k": 1}, {"accept": "mean"}):
         with pytest.raises(UsageError, match=f"was sought with {next(iter(other))} .*the first start"):
             opened.gait_rounds("log", folder, trials=2, **(asked | other))
+
+    # a folder that an older version began has the method's former name
+    older = json.loads((folder / "gait_1.json").read_text()) | {"method": "cmaes"}
+    (folder / "gait_1.json").write_text(json.dumps(older))
+    assert opened.gait_rounds("log", folder, trials=2, **asked) == found
 
     kept = json.loads((folder / "gait_2.json").read_text())
     row = kept["table"]["targets"][5]
