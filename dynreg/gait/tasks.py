@@ -15,15 +15,16 @@ from dynreg.sim.layout import BASE
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Walk
 
-FELL = -1000.0  # below every score, which lies above half of it
+FELL = -1000.0
+LEAST = FELL / 2  # of any score: a lower grade means a fall
 X, Y, YAW = (BASE.index(name) for name in ("x", "y", "yaw"))
 
 
 class Task:
     """A task as robot.toml names it. A kind of task gives its score and, where it has numbers, their defaults.
 
-    A robot that fell has the fitness 0, so a score must be above 0 where something was achieved. None may lie below
-    -500: such a grade means a fall.
+    A robot that fell has the fitness 0, so a score must be above 0 where something was achieved. What lies
+    below `LEAST` counts as this.
 
     unit : of the fitness. bodies : how many the robot's folder must track for it. defaults : {name: value} of the
     kind's numbers, which `values` of [[tasks]] overrides.
@@ -66,23 +67,15 @@ class Task:
     def grade(self, walk: Walk) -> np.ndarray:
         """(B, E) scores of walks; where the robot fell, `FELL` and the share of the time that it stood.
 
-        The fitness of a fall is 0 (`fitness`), but a search that ranks wants to know the less bad ones. Raises
-        RobotError for a score that would pass for a fall.
+        The fitness of a fall is 0 (`fitness`), but a search that ranks wants to know the less bad ones.
         """
         fallen, scores = walk.fell < walk.base.shape[2], self.scored(walk)
-        low = scores[~fallen & (scores < FELL / 2)]
-        if low.size:
-            raise RobotError(
-                f"task {self.name!r} scores {low[0]:g} {self.unit} for a robot that stood",
-                expected=f"at least {FELL / 2:g}, below which a grade means a fall",
-                do="give the task a larger unit",
-            )
-        return np.where(fallen, FELL + walk.fell / walk.base.shape[2], scores)
+        return np.where(fallen, FELL + walk.fell / walk.base.shape[2], np.maximum(scores, LEAST))
 
 
 def fell(grades: np.ndarray) -> np.ndarray:
     """Which grades are those of falls."""
-    return grades < FELL / 2
+    return grades < LEAST
 
 
 def fitness(grades: np.ndarray) -> np.ndarray:
