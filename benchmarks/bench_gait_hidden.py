@@ -10,14 +10,14 @@ bootstrap over robots, of counts Clopper-Pearson's.
 `packaged` : the best of the robot's own gaits, by a trial of each. `hill` : the paper's hill climber on the nearest.
 `pulled` : the query's answer and its neighbours, each moved most of the way to it. `rounds` : `dynreg gait --trial`,
 three trials, the best gait of these; `first` : what `dynreg gait` finds without them; `luckiest` : of the three gaits
-the one that reached most in its one trial. Each search of these three has the rollouts of the command, as many gaits as
-the other sources. `true` : the oracle, the middle one of
-five searches by what their gaits do on the robot. `calibrated` : the diagnosis without its causes: what it gains over
-that, the causes gain, and not the nameplate that only the diagnosis reads. What a cause needs is found from robots of
-the development that hide nothing (`--nulls`).
+the one that reached most in its one trial. Each search of these three has the rollouts of the command, which try as
+many gaits as the other sources do. `true` : the oracle, the middle one of five searches by what their gaits do on the
+robot. `calibrated` : the diagnosis without its causes: what it gains over that, the causes gain, and not the nameplate
+that only the diagnosis reads. What a cause needs is found from robots of the development that hide nothing (`--nulls`).
 
 Every finished cell is a line of the journal (`--journal`); a second start goes on. Robots that are reported were
-never used in development (`REPORT`).
+never used in development (`REPORT`), but seven of `--seed 20261227`, on which the draws of `dynreg gait` were
+tuned later.
 """
 
 import argparse
@@ -169,6 +169,7 @@ def _rounds(job: Job, walker: Walker, real: SimulatedRobot) -> dict:
                 "fell": 0,
                 "success": False,
                 "spent": asdict(real.spent),
+                "first": {"spent": asdict(before)},
                 "problem": str(problem),
             }
         documents = [Gait.model_validate(reg.registry.result(one.gait).document) for one in found.rounds]
@@ -193,8 +194,8 @@ def main() -> None:
     """Fill in what is left of the table, print it, and keep it under benchmarks/results/."""
     parser = _parser()
     given = parser.parse_args()
-    if given.seed == TUNE:
-        parser.error(f"--seed {TUNE}: its robots are those of the development; say --tune")
+    if given.seed == TUNE or (given.tune and given.seed != REPORT):
+        parser.error(f"--seed {given.seed}: robots of the development have the seed {TUNE}; say --tune alone")
     seed = TUNE if given.tune else given.seed
     plan = Plan(
         seed, given.robots, given.rollouts, given.entries, given.nulls, tuple(given.effects), given.packaged
@@ -202,6 +203,7 @@ def main() -> None:
     digest = hashlib.sha256(json.dumps(asdict(plan)).encode()).hexdigest()[:8]
     ending = f"_tune_{digest}" if given.tune else "_packaged" if given.packaged else ""
     ending += f"_{given.only_kind}" if given.only_kind else ""
+    ending += f"_{given.rollouts}" if given.rollouts != GAITS else ""
     ending += f"_{seed}" if seed not in (TUNE, REPORT) else ""
     path = given.journal or RESULTS / f"gait_hidden{ending}.jsonl"
     journal = Cells(path, plan)
@@ -226,15 +228,11 @@ def main() -> None:
     run(work, jobs, given.processes)
     out = table(journal.steps(), names(given.robots), task_of(load_robot("quadruped")).seconds)
     show(out)
-    if given.journal is None:  # another one need not hold all that the kept table shows
-        whole = {"plan": asdict(plan), "halves": out}
-        keep(
-            FILE.with_stem(FILE.stem + ending),
-            whole,
-            parser,
-            given,
-            named=("only", "only_kind", "seed", "packaged"),
-        )
+    if given.tune or given.journal:  # another journal need not hold all that the kept table shows
+        print("no table is kept of robots of the development, nor by a journal of your own")
+        return
+    named = ("only", "only_kind", "rollouts", "seed", "packaged")
+    keep(FILE.with_stem(FILE.stem + ending), {"plan": asdict(plan), "halves": out}, parser, given, named)
 
 
 def _parser() -> argparse.ArgumentParser:

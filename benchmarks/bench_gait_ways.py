@@ -38,7 +38,8 @@ from dynreg.verbs.gait import DOUBT, MEAN, MEETS, ROLLOUTS
 
 REPORT = 20270112
 ROBOTS = 12
-AGAINST = "synthesised"
+ONE = "synthesised"
+DEFAULT = "posterior"  # against which the others are held
 SEVERAL = ("nearest", "noisy", "pulled")
 
 
@@ -57,32 +58,20 @@ class Way:
 
 
 WAYS = {
-    "posterior": Way("posterior", MEAN),
-    "posterior quartile": Way("posterior", "quantile"),
-    "posterior min": Way("posterior"),
-    **{source: Way(source) for source in (AGAINST, "hand", *SEVERAL)},
+    DEFAULT: Way(DEFAULT, MEAN),
+    f"{DEFAULT} packaged": Way(DEFAULT, MEAN, packaged=True),
+    f"{DEFAULT} quartile": Way(DEFAULT, "quantile"),
+    f"{DEFAULT} min": Way(DEFAULT),
+    ONE: Way(ONE),
+    f"{ONE} gaits": Way(ONE, as_drawn=True),
+    f"{ONE} packaged": Way(ONE, packaged=True),
+    "hand": Way("hand"),
+    **{source: Way(source) for source in SEVERAL},
     **{f"{source} mean": Way(source, MEAN) for source in SEVERAL},
-    f"{AGAINST} gaits": Way(AGAINST, as_drawn=True),
-    "posterior packaged": Way("posterior", MEAN, packaged=True),
-    f"{AGAINST} packaged": Way(AGAINST, packaged=True),
 }
 
 
-@dataclass(frozen=True)
-class Part:
-    """A part of the table: ways, searches of each on each robot, and how many robots."""
-
-    ways: tuple[str, ...]
-    searches: int
-    robots: int
-
-
-TABLE = (  # what the default is chosen by comes first
-    Part(("posterior", AGAINST, f"{AGAINST} gaits"), 2, ROBOTS),
-    Part(("pulled", "noisy", "nearest", "hand"), 2, ROBOTS),
-    Part(("posterior quartile", "posterior min", "pulled mean"), 1, ROBOTS),
-    Part(("posterior packaged", f"{AGAINST} packaged"), 1, ROBOTS),
-)
+TABLE = tuple(way for way in WAYS if way != f"{ONE} packaged" and not way.endswith(" mean"))
 
 
 def step_of(way: str, number: int) -> str:
@@ -123,9 +112,9 @@ def table(steps: dict[tuple[str, str], dict], seconds: float) -> dict[str, dict]
         if number:
             cells.setdefault(way, {}).setdefault(robot, []).append(found)
     rows = {way: _row(cells[way], seconds) for way in WAYS if way in cells}
-    if AGAINST in rows:
+    if DEFAULT in rows:
         speed = {way: rows[way]["speeds"] for way in rows}
-        apart = {way: _apart(speed[way], speed[AGAINST]) for way in rows if way != AGAINST}
+        apart = {way: _apart(speed[way], speed[DEFAULT]) for way in rows if way != DEFAULT}
         tested = [way for way, differences in apart.items() if len(differences)]
         p = holm([float(wilcoxon(apart[w]).pvalue) if apart[w].any() else 1.0 for w in tested])
         for way, chance in zip(tested, p, strict=True):
@@ -160,7 +149,7 @@ def _apart(mine: dict[str, float], others: dict[str, float]) -> np.ndarray:
 def show(rows: dict[str, dict]) -> None:
     """Print the table."""
     print(
-        f"{'':18s} robots   walks  falls  speed [cm/s]           gaits  core s  less {AGAINST}'s [cm/s], p (Holm)"
+        f"{'':18s} robots   walks  falls  speed [cm/s]           gaits  core s  less {DEFAULT}'s [cm/s], p (Holm)"
     )
     for way, row in rows.items():
         won = f"{row['walks']}/{row['searches']}"
@@ -181,9 +170,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--only", nargs="*", choices=WAYS, help="these ways alone [those of the table]")
-    parser.add_argument("--searches", type=int, default=1, help="of each of these ways")
-    parser.add_argument("--robots", type=int, default=ROBOTS, help="the first ones, for these ways")
+    parser.add_argument("--only", nargs="*", choices=WAYS, default=TABLE, help="these ways alone")
+    parser.add_argument("--searches", type=int, default=1, help="of each way")
+    parser.add_argument("--robots", type=int, default=ROBOTS, help="the first ones")
     parser.add_argument("--rollouts", type=int, default=ROLLOUTS)
     parser.add_argument("--entries", type=int, default=1000)
     parser.add_argument("--registry", default="benchmarks/registry")
@@ -193,21 +182,19 @@ def main() -> None:
     given = parser.parse_args()
     if given.searches > SEARCHES:
         parser.error(f"--searches {given.searches}: of each robot there are draws for {SEARCHES} searches")
-    parts = (Part(tuple(given.only), given.searches, given.robots),) if given.only else TABLE
     plan = Plan(TUNE if given.tune else REPORT, ROBOTS, given.rollouts, given.entries)
     journal = Cells(given.journal, plan)
     journal.begin()
     with dynreg.open(given.registry) as reg:
         population = reg.populate("quadruped", given.entries, threads=given.processes).population
-    for part in parts:
-        done, jobs = journal.steps(), []
-        steps = [step_of(way, number) for number in range(part.searches) for way in part.ways]
-        for name in (f"{FAMILY} {i}" for i in range(part.robots)):
-            left = tuple(step for step in steps if (name, step) not in done)
-            if left:
-                jobs.append(Job(plan, name, left, given.journal, given.registry, population))
-        print(f"{sum(len(j.sources) for j in jobs)} searches on {len(jobs)} robots are left", flush=True)
-        run(work, jobs, given.processes)
+    done, jobs = journal.steps(), []
+    steps = [step_of(way, number) for number in range(given.searches) for way in given.only]
+    for name in (f"{FAMILY} {i}" for i in range(given.robots)):
+        left = tuple(step for step in steps if (name, step) not in done)
+        if left:
+            jobs.append(Job(plan, name, left, given.journal, given.registry, population))
+    print(f"{sum(len(j.sources) for j in jobs)} searches on {len(jobs)} robots are left", flush=True)
+    run(work, jobs, given.processes)
     rows = table(journal.steps(), task_of(load_robot("quadruped")).seconds)
     show(rows)
     ratios = [found["truth"] for (_, step), found in journal.steps().items() if step == "query"]
