@@ -58,8 +58,8 @@ def _fixed_seeds() -> None:
 
 
 @pytest.fixture(scope="module", autouse=True)
-def power_stays() -> Iterator[None]:
-    """What is written need not be waited for, a tenth of the time or more: only `tests/registry` cuts the power."""
+def syncing() -> Iterator[None]:
+    """`os.fsync` does nothing: it takes a tenth of the tests' time, and only `tests/registry` cuts the power."""
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(os, "fsync", lambda _: None)
         yield

@@ -20,8 +20,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 @pytest.fixture(scope="module", autouse=True)
-def power_stays() -> None:
-    """It may go here at any moment, so all is waited for as on any machine."""
+def syncing() -> None:
+    """The power may go here at any moment, so `os.fsync` does what it does on any machine."""
 
 
 @pytest.fixture

@@ -114,9 +114,8 @@ def answers(path: Path) -> list[list[list[float]]]:
     return out
 
 
-def test_no_flipped_bit_and_no_lost_byte_changes_what_a_search_goes_on_with(tmp_path, monkeypatch) -> None:
+def test_no_flipped_bit_and_no_lost_byte_changes_what_a_search_goes_on_with(tmp_path) -> None:
     """It is an error that says what to do, or changes no value; at the end it may be a step that was not finished."""
-    monkeypatch.setattr("os.fsync", lambda descriptor: None)
     path = tmp_path / "j.jsonl"
     journal_of(path)
     whole, right = path.read_bytes(), answers(path)
