@@ -21,5 +21,5 @@ ACCEPT: Mapping[str, Callable[["np.ndarray"], "np.ndarray"]] = {
 """{name: (n,) of fitness (n, k)}: over the k simulators the minimum, the mean, the lower quartile."""
 USUAL = "min"  # as in the paper
 # Rollouts for each simulator: as many gaits, however many these are. Our own choice: with 400 gaits a search in the
-# true simulator that was told no packaged gait stayed behind these on most of five quadrupeds.
+# true simulator that was told no packaged gait stayed behind the packaged ones on most of five quadrupeds.
 EACH = 750

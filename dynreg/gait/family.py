@@ -113,7 +113,7 @@ class Family(ABC):
         return np.array([g.periodic for g in self.genes])
 
     def from_unit(self, unit: np.ndarray) -> np.ndarray:
-        """(..., G) genes of points in the unit cube, or of those that `inside` makes of others."""
+        """(..., G) genes of points in the unit cube; points outside are first brought in by `inside`."""
         return self.bounds[:, 0] + self.inside(unit) * (self.bounds[:, 1] - self.bounds[:, 0])
 
     def inside(self, unit: np.ndarray) -> np.ndarray:

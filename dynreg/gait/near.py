@@ -17,11 +17,13 @@ STEP = 0.05  # of the ranges, 1 sigma, at first: our own choice
 # Of the ranges, 1 sigma, by which parameters move. Answers of queries about two quadrupeds were off by 0.11 to 0.28
 # (RMS over the parameters); with 0.03, a search went beyond what the robot could still walk.
 DOUBT = 0.1
-SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the way from the gait to what the search found
-# Share of the runs by which a gait may fall more often than the one that walked, and of the rollouts in which all
-# points of the way are tried: a gait that falls in 10 % of its runs needs about a hundred to show it. Both by eight
-# quadrupeds of the development alone; `rounds` of bench_gait_hidden has what all of it brings on others.
-MORE_FALLS, LOOK = 0.05, 0.35
+SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the way from the gait to what the search found: our own choice
+# Both by eight quadrupeds of the development alone; `rounds` of bench_gait_hidden has what they bring on others.
+# Share of the runs by which a gait may fall more often than the one that walked.
+MORE_FALLS = 0.05
+# Share of the rollouts in which all points of the way are tried: a gait that falls in 10 % of its runs needs about a
+# hundred to show it.
+LOOK = 0.35
 
 
 def may_stay(method: str) -> bool:
@@ -44,7 +46,9 @@ def seek_near(trials: Trials, settings: SearchSettings, **followed: Unpack[Follo
     space, k, kind = trials.space, len(trials.simulators), SEARCHES[settings.method]
     # runs of one draw of noise and parameters: all points of the way, in every simulator
     each = len(SHARES) * k
-    draws = min(int(LOOK * settings.rollouts) // each, TURNS.start)  # from there on they are the search's
+    draws = min(
+        int(LOOK * settings.rollouts) // each, TURNS.start
+    )  # from there on draws belong to the batches
     evaluations = settings.rollouts - draws * each
     begin = space.to_unit(np.array(settings.tried[:1]))[0]
     rng, steps = stream(settings.seed, "gait near", settings.method), np.full(len(space), STEP)

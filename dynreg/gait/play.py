@@ -117,7 +117,7 @@ def _table(gait: Played) -> JointTable:
 def require_own(space: Family, genes: Mapping[str, float], gait: Played) -> None:
     """UsageError where genes {name: value} cannot be run on a robot, or a gait states other limits than the robot's."""
     space.require(space.from_dict(genes))
-    # older documents state the rate of a drive that has no limit
+    # older documents state UNLIMITED for a drive without a limit
     stated = [
         (j.action, j.rest, j.low, j.high, None if j.speed is None or j.speed >= UNLIMITED else j.speed)
         for j in gait.joints

@@ -38,7 +38,7 @@ EXPECTED, UNSEEN = 40, 10_000
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """How a gait is sought. rollouts : runs of one simulator, in all; patience : see `drive.Limits`.
+    """How a gait is sought. rollouts : runs of one simulator, in all; patience : see `drive.Limits`, None near a gait.
 
     packaged : whether the gaits that the robot's folder brings are tried first. tried : genes (n, G) of gaits that the
     robot has had, which are tried before these.

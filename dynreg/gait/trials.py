@@ -151,9 +151,10 @@ class Trials:
         return found.reshape(len(genes), draws, k)
 
     def turn(self, batch: int, each: int) -> list[int]:
-        """Numbers of the `each` simulators, of k, that a batch of this number, from 0, meets: each of them once.
+        """Numbers of the `each` simulators, of k, that a batch of this number, from 0, meets: none of them twice.
 
-        All take turns, as often as each other. The order is another once batches and rounds end together.
+        Batches go through all k in one drawn order, again and again. Where a batch and a pass end together, another
+        order is drawn.
         """
         k = len(self.simulators)
         whole = math.lcm(k, each)

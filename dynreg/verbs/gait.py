@@ -27,7 +27,8 @@ MANY = 16  # simulators of the posterior at most, the answer among them
 # bench_gait_hidden have what they bring on others.
 MEETS, DOUBT, ROLLOUTS = 4, 0.05, 7500
 # Of these rollouts, for the search near a gait that walked. There a gait costs one run, not four, so a quarter of the
-# rollouts tries as many gaits. What it found went farther on six of six quadrupeds of the development.
+# rollouts tries as many gaits as the whole of them did before. With these the gait went farther than the one that
+# walked on six of six quadrupeds of the development.
 NEARBY = 0.25
 # The mean is raised where simulators are drawn. Some draws of the ranges cannot even stand, so the minimum would be 0.
 # Over draws of the posterior, the minimum, the lower quartile and the mean do alike (bench_gait_ways).
@@ -61,7 +62,10 @@ class GaitSettings(Settings):
         least=1,
     )
     patience: int | None = option(
-        None, "Stop after this many gaits without a better one.", usual="never", least=1
+        None,
+        "Stop a search of the whole range after this many gaits without a better one.",
+        usual="never",
+        least=1,
     )
     packaged: bool = option(True, "Also try the gaits that the robot's folder brings.")
     resume: bool = option(False, "Continue an interrupted search.")

@@ -147,7 +147,7 @@ def state(log: Path) -> State | None:
 
 
 def _ended(log: Path) -> bool:
-    """Whether a log has what its format ends with, where it ends with something; no longer where it went away."""
+    """Whether a log has what its format ends with, where it ends with something; False where it went away."""
     try:
         if log.is_dir():
             return (log / "metadata.yaml").exists()  # which rosbag2 writes last

@@ -143,7 +143,7 @@ def test_a_batch_meets_no_simulator_twice_and_all_are_met_as_often(k: int, brief
     batches = [trials.turn(number, 4) for number in range(3 * k)]
     assert all(len({*batch}) == 4 for batch in batches)
     assert np.bincount(np.concatenate(batches)).tolist() == [12] * k
-    assert len({tuple(batch) for batch in batches}) > k  # in another order each time
+    assert len({tuple(batch) for batch in batches}) > k  # orders are drawn anew
 
 
 def test_values_of_batches_in_different_simulators_do_not_end_a_search(trials) -> None:
