@@ -15,9 +15,9 @@ class GaitRound(Result):
     log before told where to seek; where not, the simulators of the round before served. median, p5, p95 : the fitness
     that they predict. recording : id of the trial's log; name : its name. packaged : number, from 1, of the robot's own
     gait that this is, unchanged; null of a new one.
-    fitness : on the robot, in the task's unit, 0 for a fall. again : the fitness to expect of another trial of the gait,
-    by all trials and by simulators; null in older documents, where the registry lacks these, and where an error ended
-    the trials.
+    fitness : on the robot, in the task's unit, 0 for a fall. again : the fitness to expect of another trial of the
+    gait, by all trials and by simulators; null in older documents, where the registry lacks these, and where an error
+    ended the trials.
     """
 
     gait: str
