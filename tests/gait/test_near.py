@@ -151,6 +151,14 @@ def test_values_of_batches_in_different_simulators_do_not_end_a_search(trials) -
     assert asked == seek_near(trials, settings_of(trials)).found.evaluations > 10
 
 
+def test_the_points_of_the_way_meet_no_draw_of_a_batch_however_many_rollouts_there_are(
+    trials, monkeypatch
+) -> None:
+    assert seek_near(trials, settings_of(trials)).finals.runs == 2 * 5
+    monkeypatch.setattr("dynreg.gait.near.TURNS", range(3, 10))
+    assert seek_near(trials, settings_of(trials)).finals.runs == 2 * 3
+
+
 def test_few_rollouts_are_not_exceeded(trials) -> None:
     found = seek_near(trials, settings_of(trials, rollouts=22))
     assert found.finals is None and trials.space.problems(found.genes) == () and trials.rollouts <= 24

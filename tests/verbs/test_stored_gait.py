@@ -120,6 +120,7 @@ def test_so_few_rollouts_as_serve_for_one_gait_serve_for_the_next(method: str) -
 def test_a_gait_is_stored_and_comes_back(found: Gait, opened: Session) -> None:
     assert opened.result("@last") == found
     assert found.k == 1 and found.seconds == 1.0 and found.ended == "budget"
+    assert "in 1 simulator" in str(found) and found.brief().endswith(" in 1 simulator")
     assert found.rate == pytest.approx(36.0) and found.recording_name == "log"
     assert found.fitness.min == found.trials[0].fitness == found.value
     assert found.succeeded == (not found.trials[0].fell and found.value >= found.success)
