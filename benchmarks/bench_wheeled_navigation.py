@@ -19,8 +19,8 @@ between fitness in the simulator and on the robot. Intervals are of 90 %: bootst
 and Pearson's; Fisher's exact test between simulators' counts of plans that miss no block.
 
 By default at the paper's size, 20 evolutions of 10,000 generations of 200 in each simulator; `--small` takes 12 of 500.
-How much fitness grows with generations is printed as well. `--tune` takes the robots of the development, with a journal
-of its own, and writes no result.
+How much fitness grows with generations is printed as well. A table of another number of generations than the small
+one's is kept beside that. `--tune` takes the robots of the development, with a journal of its own, and writes no result.
 
 Every finished robot and evolution is a line of the journal (`--journal`); a second start goes on. `wheeled_pictures.py`
 draws the paths that the result keeps.
@@ -232,7 +232,8 @@ def main() -> None:
         given.starts,
         given.threshold_runs,
     )
-    path = given.journal or HERE / f"wheeled_navigation{'_tune' if given.tune else ''}.jsonl"
+    ending = "_tune" if given.tune else "" if table.generations == SMALL[1] else f"_{table.generations}"
+    path = given.journal or HERE / f"wheeled_navigation{ending}.jsonl"
     journal = Journal(path, {"table": asdict(table)})
     journal.begin()
     with ProcessPoolExecutor(given.processes, mp_context=get_context("spawn")) as pool:
@@ -246,7 +247,7 @@ def main() -> None:
             print(future.result(), flush=True)
     out = {"table": asdict(table), **show(journal.lines())}
     if not given.tune:
-        (HERE / "wheeled_navigation.json").write_text(json.dumps(out, indent=1) + "\n")
+        (HERE / f"wheeled_navigation{ending}.json").write_text(json.dumps(out, indent=1) + "\n")
 
 
 if __name__ == "__main__":
