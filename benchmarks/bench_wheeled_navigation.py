@@ -20,7 +20,8 @@ and Pearson's; Fisher's exact test between simulators' counts of plans that miss
 
 By default at the paper's size, 20 evolutions of 10,000 generations of 200 in each simulator; `--small` takes 12 of 500.
 How much fitness grows with generations is printed as well. A table of another number of generations than the small
-one's is kept beside that. `--tune` takes the robots of the development, with a journal of its own, and writes no result.
+one's is kept beside that. `--tune` takes the robots of the development, with a journal of its own, and writes no
+result.
 
 Every finished robot and evolution is a line of the journal (`--journal`); a second start goes on. `wheeled_pictures.py`
 draws the paths that the result keeps.
