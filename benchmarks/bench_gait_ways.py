@@ -71,6 +71,7 @@ WAYS = {
 }
 
 
+# What the page shows; the other ways are there to be asked for.
 TABLE = tuple(way for way in WAYS if way != f"{ONE} packaged" and not way.endswith(" mean"))
 
 

@@ -17,7 +17,7 @@ def keep(
 ) -> bool:
     """Write a table whose options are all the usual ones, else say why it is not written; whether it was.
 
-    named : options that make it another table, by another path, or that the journal makes up for.
+    named : options that the path tells, or whose rows the journal gathers from several runs.
     """
     other = [
         name

@@ -11,7 +11,7 @@ from dynreg.gait.tasks import fell, fitness
 from dynreg.gait.trials import Trials
 
 COMPARED = 2 * UNSEEN  # draws that no search has seen, nor what is told of its gait
-SECOND = COMPARED + EXPECTED
+SECOND = COMPARED + EXPECTED  # draws of the same runs once more
 # Of the ranges, 1 sigma, by which the simulators' parameters move. On 18 quadrupeds of the development with three
 # trials each, the forecast erred by 0.43 m, and by 0.40 m with twice this doubt. A single trial erred by 0.65 m.
 DOUBT = 0.05

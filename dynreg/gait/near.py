@@ -46,9 +46,8 @@ def seek_near(trials: Trials, settings: SearchSettings, **followed: Unpack[Follo
     space, k, kind = trials.space, len(trials.simulators), SEARCHES[settings.method]
     # runs of one draw of noise and parameters: all points of the way, in every simulator
     each = len(SHARES) * k
-    draws = min(
-        int(LOOK * settings.rollouts) // each, TURNS.start
-    )  # from there on draws belong to the batches
+    # draws from `TURNS.start` on belong to the batches
+    draws = min(int(LOOK * settings.rollouts) // each, TURNS.start)
     evaluations = settings.rollouts - draws * each
     begin = space.to_unit(np.array(settings.tried[:1]))[0]
     rng, steps = stream(settings.seed, "gait near", settings.method), np.full(len(space), STEP)

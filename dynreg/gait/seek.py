@@ -38,8 +38,9 @@ EXPECTED, UNSEEN = 40, 10_000
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """How a gait is sought. rollouts : runs of one simulator, in all; patience : see `drive.Limits`, None near a gait.
+    """How a gait is sought.
 
+    rollouts : runs of one simulator, in all. patience : see `drive.Limits`; a search near a gait has none.
     packaged : whether the gaits that the robot's folder brings are tried first. tried : genes (n, G) of gaits that the
     robot has had, which are tried before these.
     near : whether the search stays near the first of these; see `near.seek_near`.

@@ -15,7 +15,7 @@ from dynreg.sim.layout import BASE
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Walk
 
-FELL = -1000.0
+FELL = -1000.0  # the grade of a fall, but for the share of the time that the robot stood
 LEAST = FELL / 2  # of any score: a lower grade means a fall
 X, Y, YAW = (BASE.index(name) for name in ("x", "y", "yaw"))
 
@@ -23,8 +23,8 @@ X, Y, YAW = (BASE.index(name) for name in ("x", "y", "yaw"))
 class Task:
     """A task as robot.toml names it. A kind of task gives its score and, where it has numbers, their defaults.
 
-    A robot that fell has the fitness 0, so a score must be above 0 where something was achieved. What lies
-    below `LEAST` counts as this.
+    A robot that fell has the fitness 0, so a score must be above 0 where something was achieved. A score
+    below `LEAST` counts as `LEAST`.
 
     unit : of the fitness. bodies : how many the robot's folder must track for it. defaults : {name: value} of the
     kind's numbers, which `values` of [[tasks]] overrides.

@@ -23,9 +23,8 @@ if TYPE_CHECKING:
     from mujoco import MjModel
 
 TURNS = range(1_000, 10_000)  # draws of simulators that take turns; after so many batches they come again
-LEAST_RATE = (
-    4.0  # commands in a period of the fastest gait, below which what is told is not the gait: our own choice
-)
+# Commands in a period of the fastest gait, below which what is told is not the gait: our own choice.
+LEAST_RATE = 4.0
 
 
 @dataclass(frozen=True, eq=False)

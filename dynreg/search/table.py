@@ -35,7 +35,7 @@ class Kind:
 
 
 FORMER: Mapping[str, str] = MappingProxyType({"cmaes": "cma", "genetic": "ga"})
-"""{former name: name}: commands, plans and documents that are stored may have it."""
+"""{former name: name}: what a user types may have it, and so may stored plans and documents."""
 
 SEARCHES: Mapping[str, Kind] = MappingProxyType(
     {

@@ -26,8 +26,8 @@ MANY = 16  # simulators of the posterior at most, the answer among them
 # Of a search in them, see `SearchSettings`: by seven quadrupeds of the development. bench_gait_ways and `rounds` of
 # bench_gait_hidden have what they bring on others.
 MEETS, DOUBT, ROLLOUTS = 4, 0.05, 7500
-# Of these rollouts, for the search near a gait that walked. There a gait costs one run, not four, so a quarter of the
-# rollouts tries as many gaits as the whole of them did before. With these the gait went farther than the one that
+# Of these rollouts, for the search near a gait that walked. There a gait costs one run, not four: a quarter of the
+# rollouts tries as many gaits as all of them would in the whole range. What it found went farther than the gait that
 # walked on six of six quadrupeds of the development.
 NEARBY = 0.25
 # The mean is raised where simulators are drawn. Some draws of the ranges cannot even stand, so the minimum would be 0.

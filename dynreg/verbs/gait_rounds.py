@@ -99,7 +99,7 @@ def gait_rounds(
         except BudgetError as spent:
             ended = spent.problem
         again = forecasts(by, task, tried, settings.threads)
-    rounds[:] = [one.model_copy(update={"again": v}) for one, v in zip(rounds, again, strict=True)]
+    rounds = [one.model_copy(update={"again": v}) for one, v in zip(rounds, again, strict=True)]
     return document(ended)
 
 
