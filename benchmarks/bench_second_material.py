@@ -30,7 +30,7 @@ from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot, load_robot
 
-REPORT = 20261205
+REPORT = 20270117
 FILE = RESULTS / "second_material.json"
 MATERIAL = "second_friction_material"
 EFFECTS = (MATERIAL, "ground_friction", "contact_compliance", "payload", "com_offset", "gravity_tilt")
@@ -144,7 +144,7 @@ def main() -> None:
     given = parser.parse_args()
     seed = TUNE if given.tune else REPORT
     path = given.journal or RESULTS / f"second_material{'_tune_' if given.tune else ''}.jsonl"
-    journal = Journal(path, {"table": "second material", "seed": seed, "version": 1})
+    journal = Journal(path, {"table": "second material", "seed": seed, "version": 2})
     journal.begin()
     robot, done = load_robot("aibo"), {line["robot"] for line in journal.lines()}
     for number in sorted({*range(given.robots)} - done):

@@ -6,6 +6,7 @@ import numpy as np
 
 from dynreg.evidence.data import Data, Sample
 from dynreg.evidence.fit import best_of, fit
+from dynreg.evidence.horizons import by_horizons
 from dynreg.evidence.lockstep import Search
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
@@ -35,11 +36,14 @@ class Calibrated:
 def calibrate(model: Model, data: Data, *, draws: int, seed: int = 0) -> Search[Calibrated]:
     """The maximum a posteriori of the model's parameters, on the windows to fit.
 
-    The fits start at the nameplate and at `draws` samples from its tolerances: dry friction makes local optima.
+    The fits start at the nameplate and at `draws` samples from its tolerances: dry friction makes local optima. Those of
+    a robot on its feet with many parameters begin with the first moments of the windows (`evidence.horizons`).
     """
     start, sample = model.start, data.sample(data.fit)
     apart = stream(seed, "calibrate").standard_normal((draws, len(model.coordinates)))
     points = [Point(start.hypothesis, z, start.effect) for z in (start.nominal, *apart)]
+    if model.dear:
+        points = yield from by_horizons(model, points, data, data.fit)
     if model.accuracy.fine:  # with contacts the error of the time step would mislead the fit from its start
         model = yield from model.corrected(points[:1], data)
     known: dict[Point, np.ndarray] = {}

@@ -57,6 +57,12 @@ class Windows:
             rows=self.rows[windows],
         )
 
+    def until(self, steps: int) -> "Windows":
+        """The same windows, of `steps` commands at most."""
+        rows = self.rows.copy()
+        rows[:, 1] = np.minimum(rows[:, 1], rows[:, 0] + steps + 1)
+        return replace(self, run=self.run.until(steps), measured=self.measured[:, : steps + 1], rows=rows)
+
 
 def starts(
     robot: Robot, actions: np.ndarray, measured: np.ndarray, before: np.ndarray | None = None

@@ -71,6 +71,12 @@ class Run:
         }
         return replace(self, **own)
 
+    def until(self, steps: int) -> "Run":
+        """Only the first commands of each episode."""
+        own = {name: a[..., :steps, :] for name in OF_STEPS if (a := getattr(self, name)) is not None}
+        inputs = None if self.inputs is None else self.inputs[:, :steps]
+        return replace(self, **own, inputs=inputs)
+
 
 OF_EPISODES = ("inputs", "settings", "initial", "begin", "velocity", "before")  # fields of Run, each (E, ...)
 OF_STEPS = ("actions", "noise", "draws")  # each (E, T, A), or (B, E, T, A)

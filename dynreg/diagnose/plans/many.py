@@ -12,6 +12,7 @@ from dynreg.diagnose.screen import screen
 from dynreg.diagnose.shortlist import best_of_each
 from dynreg.evidence.data import Data, Sample
 from dynreg.evidence.fit import best_of, fit
+from dynreg.evidence.horizons import by_horizons
 from dynreg.evidence.lockstep import Search
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
@@ -21,6 +22,8 @@ from dynreg.sim.effects import Term
 @dataclass(frozen=True)
 class Many(Plan):
     """Terms are listed at the calibrated model, and fitted from there and from the nameplate, on all windows.
+
+    Each fit from the nameplate begins with the first moments of the windows (`evidence.horizons`).
 
     Many parameters make up for much. On an AIBO with slippery elbows (38 parameters, 8 walks of 2 s) their material
     leads by 1400 nats after five steps from the nameplate, beside the model without it; from the calibrated model, on
@@ -49,7 +52,8 @@ class Many(Plan):
         starts, slope = yield from screen(model, base, terms, sample, hints)
         begun, cost = yield from fit(model, starts, sample, iterations=1, leading=slope)
         likely = best_of_each(zip(cost, begun, strict=True))[: self.finalists]
-        likely += [Point(p.hypothesis, np.zeros(len(base.nominal)), p.effect) for p in likely]
+        nameplate = [Point(p.hypothesis, np.zeros(len(base.nominal)), p.effect) for p in likely]
+        likely += yield from by_horizons(model, nameplate, sample.data, sample.data.both)
         every = sample.data.sample(sample.data.both)
         every = every.reweighted((yield from model.residuals([base], every))[0])
         known: dict[Point, np.ndarray] = {}
