@@ -99,7 +99,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--robots", type=int, default=10)
     parser.add_argument("--arms", nargs="*", default=["es"], choices=ARMS)
-    parser.add_argument("--scale", type=float, default=0.05, help="share of each stage's generations")
+    parser.add_argument("--scale", type=float, default=0.1, help="share of each stage's generations")
     parser.add_argument("--fit", type=int, default=4, help="walks of group A")
     parser.add_argument("--held", type=int, default=8, help="walks of group B")
     parser.add_argument("--air", type=float, default=20.0, help="seconds in the air")

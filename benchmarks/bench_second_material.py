@@ -30,11 +30,11 @@ from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot, load_robot
 
-REPORT = 20270117
+REPORT = 20270118
 FILE = RESULTS / "second_material.json"
 MATERIAL = "second_friction_material"
 EFFECTS = (MATERIAL, "ground_friction", "contact_compliance", "payload", "com_offset", "gravity_tilt")
-SEEN, BACKWARD = 8, 4  # walks
+SEEN, BACKWARD = 12, 4  # walks
 HORIZON = 2.0  # s of each walk that the diagnosis replays: what comes after the first slips is chance
 SKIP = 1.0  # s of a walk, as in the paper
 

@@ -76,9 +76,7 @@ class Data:
     def beginning(self, share: float) -> "Data":
         """The same with this share of each window, from its start."""
         steps = max(round(share * self.windows.run.steps), 1)
-        return replace(
-            self, windows=self.windows.until(steps), segments=max(round(share * self.segments), 1)
-        )
+        return replace(self, windows=self.windows.until(steps), segments=max(round(share * self.segments), 1))
 
     def sample(self, chosen: np.ndarray) -> "Sample":
         """The windows `chosen` (numbers), before anything is known of what a simulator leaves in them."""

@@ -100,9 +100,9 @@ class Model:
         is of second order, yet delays and speed limits are found more precisely than that. So is that of wheels,
         where commands lag or a wheel slips; else it is exact. Rollouts with a time step `accuracy.finer` times finer
         say by how much (contacts follow no order: nothing is extrapolated). Of the windows to fit and to select by: no
-        other residual is looked at.
+        other residual is looked at. A model that is `finely` simulated stays as it is.
         """
-        if self.accuracy.finer == 1.0:
+        if self.accuracy.finer == 1.0 or self.finely > 1.0:
             return self
         run, finer = data.windows.run.take(data.both), replace(self, finely=self.accuracy.finer)
         fine, own = yield from together([finer.states(points, run), self.states(points, run)])

@@ -1,7 +1,6 @@
 """Fits that begin with the first moments: they end where a fit of the whole window stops at a local optimum."""
 
 from dataclasses import replace
-from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -39,14 +38,6 @@ def test_first_moments_lead_past_local_optima(swinging) -> None:
     (found,) = answered(by_horizons(model, [plain(-1.0)], data, data.fit), answer)
     assert found.z[0] == pytest.approx(TRUTH, abs=0.05)
     assert steps == sorted(steps) and 0 < steps[0] < steps[-1] < ROWS
-
-
-def test_corrections_of_whole_windows_are_left_out(swinging) -> None:
-    model, data, answer, _ = swinging
-    known = np.full((len(data.windows), ROWS, 1), 0.4)
-    corrected = replace(model, corrections=MappingProxyType({frozenset(): known}))
-    ends = [answered(by_horizons(m, [plain(-1.0)], data, data.fit), answer)[0].z for m in (model, corrected)]
-    assert np.array_equal(*ends)
 
 
 def test_the_beginning_of_a_recording_has_the_first_rows_of_all_that_is_told() -> None:
