@@ -24,8 +24,8 @@ ENOUGH = 0.05  # the fit stops when an iteration gains fewer nats
 class Calibrated:
     """The calibrated simulator, from which a search for causes begins.
 
-    model : corrected for the error of the time step. point : its coordinates. sample : the windows to fit, weighted by
-    the independent samples of its residual.
+    model : corrected for the error of the time step, or with a finer one. point : its coordinates. sample : the windows
+    to fit, weighted by the independent samples of its residual.
     """
 
     model: Model
@@ -42,8 +42,8 @@ def calibrate(model: Model, data: Data, *, draws: int, seed: int = 0) -> Search[
     start, sample = model.start, data.sample(data.fit)
     apart = stream(seed, "calibrate").standard_normal((draws, len(model.coordinates)))
     points = [Point(start.hypothesis, z, start.effect) for z in (start.nominal, *apart)]
-    # What a finer step changes at one point says little of others where feet slip: so corrected, a model of an AIBO
-    # without its cause beat the true parameters with it by 430 nats. All of this search has the finer step.
+    # What a finer step changes at one point does not hold at others where feet slip. Corrected by it, an AIBO without
+    # its cause beat the true one by 430 nats (bench_second_material). So all of such a search has the finer step.
     if model.dear:
         model = replace(model, finely=model.accuracy.slopes)
         points = yield from by_horizons(model, points, data, data.fit)

@@ -39,7 +39,7 @@ def unexplained(found: State, verdict: Verdict, seed: int = 0) -> Search[tuple[R
     ]
     lead = min(int(np.ceil(sum(delays) / windows.period)), LONGEST_LEAD)
     run = one_step_run(robot, windows, lead)
-    (states,) = yield from replace(model, corrections=NONE).states([point], run)
+    (states,) = yield from replace(model, finely=1.0, corrections=NONE).states([point], run)
     left = [
         fit_residual(r, seed=seed)
         for r in one_step_residuals(robot, windows, predictions(robot, windows, states))

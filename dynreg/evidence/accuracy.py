@@ -28,7 +28,8 @@ class Accuracy:
         extrapolated); else what it changes at a near point is taken off (corrected).
     order : of the error. What is of the first order leads a search astray, and is taken off from the calibration on;
         what is of the second costs delays and speed limits the last of their precision: it is taken off at the end.
-    slopes : the robot's own time step over that of the derivatives of fine rollouts.
+    slopes : the robot's own time step over that of the derivatives of fine rollouts. A floating base with many
+        parameters (`Model.dear`) is searched with it throughout, and nothing is taken off.
     width, nominal : of the differences that derivatives are taken by, in fit coordinates of effects, in nominal ones.
     sides : 1 for central differences; 2 for differences to one side, to the other in every second iteration.
     segment : [s] of a rollout that share a variance; None for all of it.

@@ -74,7 +74,7 @@ class Data:
         return self if self.segments == 1 else replace(self, segments=1)
 
     def beginning(self, share: float) -> "Data":
-        """The same with this share of each window, from its start."""
+        """The same, cut after this share of the longest window; shorter ones may stay whole."""
         steps = max(round(share * self.windows.run.steps), 1)
         return replace(self, windows=self.windows.until(steps), segments=max(round(share * self.segments), 1))
 

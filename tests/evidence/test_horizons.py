@@ -1,4 +1,4 @@
-"""Fits that begin with the first moments: they end where a fit of the whole window stops at a local optimum."""
+"""Fits that begin with the first moments reach the optimum, where a fit of whole windows stops at a local one."""
 
 from dataclasses import replace
 
@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from by_hand import answered, first_channel, held_against_zero, plain
 
+from dynreg.diagnose.calibrate import calibrate
+from dynreg.evidence.accuracy import ROUGH, Accuracy
 from dynreg.evidence.fit import fit
 from dynreg.evidence.horizons import by_horizons
 from dynreg.evidence.lockstep import Ask
@@ -38,6 +40,25 @@ def test_first_moments_lead_past_local_optima(swinging) -> None:
     (found,) = answered(by_horizons(model, [plain(-1.0)], data, data.fit), answer)
     assert found.z[0] == pytest.approx(TRUTH, abs=0.05)
     assert steps == sorted(steps) and 0 < steps[0] < steps[-1] < ROWS
+
+
+def test_a_model_with_many_parameters_on_feet_is_calibrated_by_horizons_at_a_finer_step(
+    swinging, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, data, answer, steps = swinging
+    monkeypatch.setattr("dynreg.evidence.model.MANY", 0)
+    accuracy = Accuracy(4.0, fine=True, order=1, slopes=2.0, width=ROUGH, sides=2)
+    dear, asked = replace(model, accuracy=accuracy), []
+
+    def noted(one: Ask) -> np.ndarray:
+        asked.append(one.robot)
+        return answer(one)
+
+    found = answered(calibrate(dear, data, draws=0), noted)
+    assert found.model.finely == 2.0 and not found.model.corrections
+    assert {robot.file.robot.timestep for robot in asked} == {0.5 * model.robot.file.robot.timestep}
+    assert steps[0] < steps[-1] == ROWS
+    assert answered(found.model.corrected([found.point], data), noted) is found.model
 
 
 def test_the_beginning_of_a_recording_has_the_first_rows_of_all_that_is_told() -> None:
