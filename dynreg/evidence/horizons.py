@@ -11,7 +11,7 @@ from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
 
 # Each of ten AIBOs with 8 walks of 2 s (bench_second_material --tune) is calibrated better by 54 to 536 nats, 244 in
-# the median, than on whole windows alone, in the same time. With a quarter and a half it is 279, but one is worse by 121.
+# the median, than on whole windows alone, in the same time. With a quarter and a half it is 279, but one loses 121.
 SHARES = (0.15, 0.3, 0.5, 0.75)  # of the windows, from their start
 ITERATIONS = 8  # of each share; others were not tried
 
