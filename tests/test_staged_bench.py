@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import dynreg
+from dynreg.evidence.lockstep import Search
 from dynreg.sim.robot import Robot, load_robot
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
@@ -61,6 +62,11 @@ def with_few_parameters(folder: Path) -> Robot:
     return load_robot(folder)
 
 
+def left_out(*_: object) -> Search[None]:
+    """In place of fits to what the causes leave in twelve joints: a third of the time, and not asked for here."""
+    yield from ()
+
+
 @pytest.mark.parametrize(
     ("loss", "count", "seconds"),
     [
@@ -73,6 +79,7 @@ def test_slippery_elbows_are_named_and_nothing_where_they_are_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, aibo, loss: float, count: int, seconds: float
 ) -> None:
     monkeypatch.setattr(aibo, "LOSS", loss)
+    monkeypatch.setattr("dynreg.diagnose.account.unexplained", left_out)
     robot = with_few_parameters(tmp_path / "aibo")
     whole = aibo.hidden(7, material=loss > 0)
     hidden = replace(whole, parameters={name: whole.parameters[name] for name in robot.space.names})
