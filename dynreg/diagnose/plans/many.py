@@ -63,8 +63,8 @@ class Many(Plan):
     def settle(self, state: State, posed: Data, seed: int) -> Search[State]:
         """Fitted on all windows already; a last round that found no more has gone on with the current simulator.
 
-        Both simulators are judged and stored with the robot's own time step. A last fit by that step changed neither
-        on the two AIBOs above.
+        Both simulators are judged and stored with the robot's own time step. A last fit by that step made neither
+        better on the two AIBOs above.
         """
         yield from ()  # a search that asks for no rollouts
         more = len(state.rounds) > state.accepted
