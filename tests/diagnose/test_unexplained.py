@@ -65,6 +65,12 @@ def test_where_nothing_is_left_nothing_is_asked(robot, verdict):
     assert run(counted(unexplained(posed(robot, recorded(robot, "cogging")[1]), verdict))) == (None, 0)
 
 
+def test_it_is_told_of_the_simulator_as_it_is_stored_however_finely_the_search_ran(robot):
+    found = posed(robot, recorded(robot, "cogging")[1])
+    (asked,) = next(unexplained(replace(found, model=replace(found.model, finely=2.0)), "unknown"))
+    assert asked.robot.file.robot.timestep == robot.file.robot.timestep
+
+
 def test_what_a_delay_remembers_is_no_dependence(robot):
     """A simulator with the right delay leaves next to nothing to tell, though each row is a start of its own."""
     hidden, recording = recorded(robot, "command_delay", 0.025)
