@@ -22,6 +22,7 @@ from pathlib import Path
 import numpy as np
 from hidden import rows_of
 from journal import Journal
+from kept import RESULTS
 from scipy.stats import binomtest
 
 import dynreg
@@ -35,7 +36,7 @@ from dynreg.rng import stream
 from dynreg.sim.effects import applicable, placed
 from dynreg.sim.robot import Robot
 
-FILE = Path(__file__).parent / "results" / "alarm.json"
+FILE = RESULTS / "alarm.json"
 TUNE, REPORT = 71, 20261125
 ROBOTS = {"servo_pendulum": 80, "diffdrive": 80, "leg": 16, "quadruped": 8}
 SIMULATORS = 200

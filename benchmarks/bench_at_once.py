@@ -13,11 +13,10 @@ from pathlib import Path
 
 import aibo
 import numpy as np
-from bench_staged import calibrated, deviations, held_out
 from bootstrap import interval
 from journal import Journal
-from kept import keep
-from naming import RESULTS
+from kept import RESULTS, keep
+from staged_runs import calibrated, deviations, held_out
 
 import dynreg
 from dynreg.rng import stream_seed

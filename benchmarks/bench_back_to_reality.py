@@ -15,19 +15,19 @@ finer than the model's. Every finished step is a line of the journal; a second s
 import argparse
 import tempfile
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import aibo
 import numpy as np
 from journal import Journal
-from kept import keep
-from naming import RESULTS
+from kept import RESULTS, keep
+from reality_runs import FIXED, Shown, Tape, scaled, walking_for
 
 import dynreg
 from dynreg.adapt.differences import rank_correlation
 from dynreg.adapt.tried import Rules
-from dynreg.gait.tasks import Task, fitness, task_of
+from dynreg.gait.tasks import fitness, task_of
 from dynreg.gait.trials import Simulators, Trials
 from dynreg.methods.by_reality import Played
 from dynreg.rng import stream
@@ -35,19 +35,13 @@ from dynreg.search.drive import Limits, drive
 from dynreg.search.start import Start
 from dynreg.search.table import SEARCHES
 from dynreg.sim.effects import Terms
-from dynreg.sim.engines import Arena
-from dynreg.sim.real import DISTURBANCE, disturbance, disturbed, largest_drive
-from dynreg.sim.robot import Robot, load_robot
-from dynreg.sim.run import Run
 
 REPORT, TUNE = 20261210, 71
 FILE = RESULTS / "back_to_reality.json"
-FINER = 4  # physics steps of the truth for one of the model
 TRIALS = 190
 SHARE = 0.4  # of the best, from which all begin
 AGAIN = 10  # new trials of a gait
 REAL_ONLY = ("roulette", "ga", "hill", "policy")  # searches on the robot alone; the first keeps no elite
-FIXED = 20  # gaits by which simulators are ranked
 DRAWS, ORACLE = 60, 400  # gaits among which the start is chosen, and of the search for the best
 # name: (genes d, trials e, f_0, f_end [cm/s], IF and LP as printed, LP to the third digit)
 TABLE = {
@@ -71,30 +65,6 @@ def improvement(first: float, last: float) -> float:
 def learning(genes: int, trials: int, first: float, last: float) -> float:
     """LP, of IF in percent."""
     return genes * improvement(first, last) / trials
-
-
-@dataclass(frozen=True)
-class Tape:
-    """The hidden robot, and a person with a tape measure: its trials tell how far it walked, or that it fell."""
-
-    hidden: aibo.Hidden
-    robot: Robot
-    task: Task
-    threads: int = 1
-
-    def __call__(self, actions: np.ndarray, rate: float, name: str) -> float | None:
-        """The score; None for a fall. Disturbances of a trial are drawn by its name."""
-        truth = self.robot.stepped(FINER)
-        rng = stream(self.hidden.seed, "tape", name)
-        run = disturbed(truth, Run(actions[None], period=1.0 / rate), rng)
-        terms, values = self.hidden.effects(self.robot)
-        size = np.array([[DISTURBANCE * largest_drive(self.robot)]])
-        active = Terms((*terms, disturbance(truth)), (*(v[None] for v in values), size))
-        parameters = self.hidden.values(self.robot.space)[None]
-        told = {"terms": active, "threads": self.threads, "laid": self.task.laid()}
-        walk = Arena(truth, parameters, run, **told).walk(run)
-        fell = walk.fell[0, 0] < walk.base.shape[2]
-        return None if fell else float(fitness(self.task.grade(walk))[0, 0])
 
 
 @dataclass(frozen=True)
@@ -192,34 +162,6 @@ class Bench:
             "trials": found.evaluations,
             "history": found.history,
         }
-
-
-def walking_for(seconds: float) -> Robot:
-    """An AIBO whose task lasts so long."""
-    robot = load_robot("aibo")
-    table = robot.file.tasks[0].model_copy(update={"seconds": seconds})
-    return replace(robot, file=robot.file.model_copy(update={"tasks": [table]}))
-
-
-class Shown:
-    """Tells how far it is, ten times a stage at most."""
-
-    def __init__(self) -> None:
-        self._last: tuple[str, int] | None = None
-
-    def __call__(self, stage: str, done: int, total: int) -> None:
-        if (now := (stage, 10 * done // max(total, 1))) != self._last:
-            self._last = now
-            print(f"  {time.strftime('%H:%M:%S')} {stage}: {done} of {total}", flush=True)
-
-
-def scaled(share: float, iterations: int) -> Rules:
-    """The published sizes with a share of the generations of steps 1 and 3."""
-    usual = Rules()
-    some = lambda many: max(round(share * many), 1)  # noqa: E731
-    return Rules(
-        iterations=iterations, first=some(usual.first), later=some(usual.later), turns=some(usual.turns)
-    )
 
 
 def show(lines: list[dict], seconds: float) -> None:

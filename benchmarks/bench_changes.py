@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 from journal import Journal
+from kept import RESULTS
 from scipy.stats import binomtest
 
 import dynreg
@@ -31,7 +32,7 @@ from dynreg.rng import stream, stream_seed
 from dynreg.sim.effects import term
 from dynreg.sim.robot import Robot, load_robot
 
-FILE = Path(__file__).parent / "results" / "changes.json"
+FILE = RESULTS / "changes.json"
 TUNE, REPORT = 67, 20261215
 SECONDS = 12.5
 SMALLER, LONGER = 0.8, 1.25  # of the later recording: reach, and seconds of an episode

@@ -17,11 +17,11 @@ from statistics import median
 from typing import Any
 
 import numpy as np
-from bench_naming import group
-from bench_naming_leg import plan_of as leg_plan
 from constants_table import TABLE, changed
 from journal import Journal
-from naming import RESULTS, TUNE, seeds
+from kept import RESULTS
+from leg_trials import plan_of as leg_plan
+from naming import TUNE, group, seeds
 
 from dynreg.data.recording import Recording
 from dynreg.diagnose.diagnose import search

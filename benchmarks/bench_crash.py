@@ -17,6 +17,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 import numpy as np
+from kept import RESULTS
 
 import dynreg
 from dynreg.data.recording import Channel, Episode, Recording
@@ -28,7 +29,6 @@ from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
 from dynreg.sim.robot import load_robot
 
-HERE = Path(__file__).parent
 ROBOT, SEED = "servo_pendulum", 0
 WORK = "simulate, train, store"  # what a populate does before it first tells of progress
 TRAINING = Training(epochs=1, base_configurations=8, base_epochs=2)
@@ -243,9 +243,9 @@ def main() -> None:
     }
     for name, value in told.items():
         print(f"{name:30s} {value}")
-    (HERE / "results").mkdir(exist_ok=True)
+    RESULTS.mkdir(exist_ok=True)
     told["died"] = [asdict(kill) for kill in died]
-    (HERE / "results" / "crash.json").write_text(json.dumps(told, indent=1) + "\n")
+    (RESULTS / "crash.json").write_text(json.dumps(told, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -23,8 +23,8 @@ from statistics import median
 import numpy as np
 import pyarrow.parquet as pq
 import torch
-from bench_registry_checks import write_log
-from naming import RESULTS
+from kept import RESULTS
+from servo_log import write_log
 
 import dynreg
 

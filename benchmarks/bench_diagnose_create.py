@@ -17,6 +17,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+from kept import RESULTS
 from open_loop import Segments, simulated
 
 import dynreg
@@ -27,7 +28,7 @@ from dynreg.sim.robot import load_robot
 
 HERE = Path(__file__).parent
 DATA = Path(os.environ.get("DYNREG_DATA_DIR", HERE.parent.parent / "shared" / "data"))
-FILE = HERE / "results" / "diagnose_create.json"
+FILE = RESULTS / "diagnose_create.json"
 ROLLOUT, EVERY, PIECE = 10.0, 5.0, 60.0  # s
 HALVES = ("first half", "second half")
 MEAN = 0.5  # s

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from kept import RESULTS
 from open_loop import Segments, rms, simulated, window_errors
 from peers import Knob, Motion, Peer, identify, sparse
 
@@ -180,8 +181,8 @@ def report(found, rows: list[dict], asked: dict) -> None:
         "ranking": [[r.round, r.key, r.score_nats] for r in found.ranking],
         "rows": rows,
     }
-    (HERE / "results").mkdir(exist_ok=True)
-    (HERE / "results" / "diagnose_double_pendulum.json").write_text(json.dumps(document, indent=1) + "\n")
+    RESULTS.mkdir(exist_ok=True)
+    (RESULTS / "diagnose_double_pendulum.json").write_text(json.dumps(document, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from kept import RESULTS
 from open_loop import Segments, rms, simulated, window_errors
 from peers import Knob, Motion, Peer, identify, sparse
 
@@ -183,8 +184,8 @@ def report(rows: list[dict]) -> None:
             f"{r['model']:31s} {100 * r['force']:5.1f} % {r['rollout_mm']:5.2f} mm {r.get('seconds', 0):9.1f}"
             f"   {r.get('named', '')[:150]}"
         )
-    (HERE / "results").mkdir(exist_ok=True)
-    (HERE / "results" / "diagnose_emps.json").write_text(json.dumps(rows, indent=1) + "\n")
+    RESULTS.mkdir(exist_ok=True)
+    (RESULTS / "diagnose_emps.json").write_text(json.dumps(rows, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -27,6 +27,7 @@ import bench_diagnose_simple_pendulum as simple
 import bench_diagnose_so101 as arm
 import numpy as np
 from journal import Journal
+from kept import RESULTS
 from open_loop import Segments, simulated
 from servo_peers import PLACES, Peer, identify, missed, searched
 
@@ -47,8 +48,8 @@ from dynreg.verbs.subjects import Recorded, robot_of
 HERE = Path(__file__).parent
 DATA = Path(os.environ.get("DYNREG_DATA_DIR", HERE.parent.parent / "shared" / "data"))
 MAPS = HERE.parent / "examples" / "maps"
-RESULTS = HERE / "results" / "diagnose_real.json"
-JOURNAL = HERE / "results" / "diagnose_real.jsonl"
+FILE = RESULTS / "diagnose_real.json"
+JOURNAL = RESULTS / "diagnose_real.jsonl"
 MODELS = ("nominal", "calibrated", "unpenalised", "extended", "held", "followed")
 BUDGET = 1000  # simulations of CMA-ES: ten and more for each parameter that any of them frees
 NEAR = 0.15  # share by which a friction of the TX40 may miss its known value: by contract
@@ -56,7 +57,7 @@ COULOMB = (7.14, 8.26, 6.34, 2.48)  # N m, joints 1 to 4 of the TX40, from its s
 VISCOUS = (8.05, 5.53, 1.97, 1.11)  # N m s/rad
 WRIST = ("joint_5", "joint_6")  # which one motor of the TX40 turns together
 GO2_HELD = ("cycle_3", "cycle_6", "cycle_9", "cycle_12")
-LEGS, CALVES = ("FL", "FR", "RL", "RR"), 3
+LEGS = ("FL", "FR", "RL", "RR")
 
 
 @dataclass(frozen=True)
@@ -544,7 +545,7 @@ def main() -> None:
     rows = merged(journal.lines())
     if rows:
         report(rows)
-        RESULTS.write_text(json.dumps(rows, indent=1) + "\n")
+        FILE.write_text(json.dumps(rows, indent=1) + "\n")
 
 
 def _arguments() -> argparse.Namespace:

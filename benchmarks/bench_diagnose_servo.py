@@ -13,6 +13,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
+from kept import RESULTS
 from servo_peers import LADDER, identify, ladder
 
 import dynreg
@@ -23,7 +24,7 @@ from dynreg.verbs.subjects import robot_of
 
 HERE = Path(__file__).parent
 DATA = Path(os.environ.get("DYNREG_DATA_DIR", HERE.parent.parent / "shared" / "data"))
-RESULTS = HERE / "results" / "diagnose_servo.json"
+FILE = RESULTS / "diagnose_servo.json"
 TOLERANCE = 5.0
 SUPPLIES = ("measured", "nominal")
 
@@ -46,7 +47,7 @@ def main() -> None:
     if not logs:
         print("bench_diagnose_servo: skipped, no XL330 log in DYNREG_DATA_DIR")
         return
-    rows: dict[str, dict] = json.loads(RESULTS.read_text()) if given.keep and RESULTS.exists() else {}
+    rows: dict[str, dict] = json.loads(FILE.read_text()) if given.keep and FILE.exists() else {}
     with tempfile.TemporaryDirectory() as folder, dynreg.open(folder) as reg:
         measured = reg.ingest(logs, "servo_pendulum", name="measured").recording
         loaded = reg.registry.recording(measured)
@@ -125,8 +126,8 @@ def _tell(rows: dict[str, dict], name: str, row: dict) -> None:
     )
     print(f"{name}: {verdict}; {fitted}{row['held_out']:.4f}; {row['seconds']:.0f} s", flush=True)
     rows[name] = row
-    RESULTS.parent.mkdir(exist_ok=True)
-    RESULTS.write_text(json.dumps(rows, indent=1) + "\n")
+    FILE.parent.mkdir(exist_ok=True)
+    FILE.write_text(json.dumps(rows, indent=1) + "\n")
 
 
 if __name__ == "__main__":

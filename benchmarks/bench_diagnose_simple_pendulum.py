@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from kept import RESULTS
 from scipy.optimize import least_squares
 from scipy.signal import savgol_filter
 from scipy.stats import norm
@@ -327,8 +328,8 @@ def main() -> None:
         out["copies"] = summary(rows)
     if given.skip_real:
         return
-    (HERE / "results").mkdir(exist_ok=True)
-    (HERE / "results" / "diagnose_simple_pendulum.json").write_text(json.dumps(out, indent=1) + "\n")
+    RESULTS.mkdir(exist_ok=True)
+    (RESULTS / "diagnose_simple_pendulum.json").write_text(json.dumps(out, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from kept import RESULTS
 
 import dynreg
 from dynreg.data.recording import Episode, Recording
@@ -42,7 +43,7 @@ from dynreg.verbs.subjects import Recorded, robot_of
 
 HERE = Path(__file__).parent
 DATA = Path(os.environ.get("DYNREG_DATA_DIR", HERE.parent.parent / "shared" / "data"))
-RESULTS = HERE / "results" / "diagnose_so101.json"
+FILE = RESULTS / "diagnose_so101.json"
 JOINTS = ("rotation", "pitch", "elbow", "wrist_pitch", "wrist_roll", "jaw")
 HELD_OUT = ("chirp_sweep", "prbs_excitation", "hold_under_gravity", "large_amplitude")
 SHARED = ("upper_length", "lower_length", "upper_mass", "lower_mass", "hand_mass")
@@ -309,7 +310,7 @@ def main() -> None:
     if not logs:
         print("bench_diagnose_so101: skipped, no SO-101 log in DYNREG_DATA_DIR")
         return
-    rows = json.loads(RESULTS.read_text())["joints"] if RESULTS.exists() else {}
+    rows = json.loads(FILE.read_text())["joints"] if FILE.exists() else {}
     with tempfile.TemporaryDirectory() as folder, dynreg.open(folder) as reg:
         recording = reg.ingest(logs, "so101", name="arm").recording
         robot = robot_of(reg.registry, recording)
@@ -317,8 +318,8 @@ def main() -> None:
         for joint, row in rows_of(Recorded(reg.registry, robot, loaded, "arm"), given):
             rows[joint] = row
             tell(joint, row)
-            RESULTS.parent.mkdir(exist_ok=True)
-            RESULTS.write_text(json.dumps({"joints": rows}, indent=1) + "\n")
+            FILE.parent.mkdir(exist_ok=True)
+            FILE.write_text(json.dumps({"joints": rows}, indent=1) + "\n")
         rows = {j: rows[j] for j in JOINTS if j in rows}
         table("5 s from measured states, each joint alone [rad]", {j: rows[j]["errors"] for j in rows})
         seen = {"measured": {j: lags(loaded, j) for j in rows}}
@@ -334,7 +335,7 @@ def main() -> None:
                 errors = whole_errors(robot, loaded, rows, engine)
                 document["whole"][engine] = errors
                 table(f"whole motions from their start, engine {engine} [rad]", errors)
-        RESULTS.write_text(json.dumps(document, indent=1) + "\n")
+        FILE.write_text(json.dumps(document, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ from typing import Any
 
 from diagnosis_jobs import jobs
 from journal import Journal
-from naming import RESULTS
+from kept import RESULTS
 
 HERE = Path(__file__).parent
 NOW, BEFORE = "now", "before"

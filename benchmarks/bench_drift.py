@@ -14,9 +14,9 @@ import argparse
 import json
 import time
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
+from kept import RESULTS
 from scipy.stats import binomtest
 
 from dynreg.data.recording import Channel, Episode, Recording
@@ -37,7 +37,7 @@ from dynreg.timed.table import DisplacementTable
 from dynreg.verbs.drift import DriftSettings
 from dynreg.verbs.drift_document import document
 
-FILE = Path(__file__).parent / "results" / "drift.json"
+FILE = RESULTS / "drift.json"
 TUNE, REPORT = 66, 20261214
 PERIOD = 0.05  # s
 EPISODES, EACH, TICKS = 12, 50, (2, 40)  # commands of an episode, and for how many periods they are held

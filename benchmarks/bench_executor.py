@@ -18,8 +18,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from kept import keep
-from naming import RESULTS
+from kept import RESULTS, keep
 
 from dynreg.distance.population import Training
 from dynreg.executor import Executor, Local, opened

@@ -25,6 +25,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import strangers
+from kept import RESULTS
 
 HERE = Path(__file__).parent
 DATA = Path(os.environ.get("DYNREG_DATA_DIR", HERE.parent.parent / "shared" / "data"))
@@ -127,7 +128,7 @@ def main() -> None:
             f"{'found' if row['found'] else 'NOT FOUND'}"
         )
     print(f"{sum(r['found'] for r in rows)} of {len(rows)} found; lines edited by hand: 0")
-    out = HERE / "results" / "first_hour.json"
+    out = RESULTS / "first_hour.json"
     out.parent.mkdir(exist_ok=True)
     out.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 

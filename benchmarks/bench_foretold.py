@@ -16,12 +16,11 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from kept import keep
+from kept import RESULTS, keep
 
 import dynreg.neighbours.entries as entries
 from dynreg import session
 
-RESULTS = Path(__file__).parent / "results"
 # Foretold / measured. Seconds: what is foretold from 24 simulators on a machine whose load changes. Bytes: entries of
 # one population differ little. Memory: the base model's is foretold from a smaller one.
 BOUNDS = {"seconds": (0.67, 1.6), "bytes": (0.9, 1.1), "memory": (0.75, 1.35)}

@@ -11,9 +11,9 @@ Parts that were not asked for keep the figures that they had.
 import argparse
 import json
 import time
-from pathlib import Path
 
 import numpy as np
+from kept import RESULTS
 
 from dynreg.evidence.truth import hide
 from dynreg.gait.seek import SearchSettings, Sought, seek
@@ -24,7 +24,6 @@ from dynreg.sim.effects import term
 from dynreg.sim.real import Budget, SimulatedRobot
 from dynreg.sim.robot import load_robot
 
-HERE = Path(__file__).parent
 SEED = 61
 RATE = 36.0
 HIDDEN = ("coulomb_friction", "payload", "command_delay", "backlash")
@@ -39,7 +38,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--parts", default="nominal,five,hidden")
     given = parser.parse_args()
-    kept = HERE / "results" / "gait.json"
+    kept = RESULTS / "gait.json"
     figures = json.loads(kept.read_text()) if kept.is_file() else {}
     for part in given.parts.split(","):
         if part == "hidden":

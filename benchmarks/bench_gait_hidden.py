@@ -31,14 +31,15 @@ import numpy as np
 from gait_hidden_table import SOURCES, show, table
 from gait_jobs import ORACLES, TRIALS, Cells, Job, K, Plan, run, search_seed
 from gait_sources import LOGS, logged, simulators
-from kept import keep
-from walkers import FAMILY, NULL, RATE, Walker, excited, named, names, stood_and_trotted, walker_of
+from gait_tried import searched, tried
+from kept import RESULTS, keep
+from walkers import FAMILY, NULL, RATE, TUNE, Walker, excited, named, names, stood_and_trotted, walker_of
 
 import dynreg
 from dynreg.diagnose.threshold import USUAL, level
 from dynreg.errors import DynregError, NoMatchError
 from dynreg.gait.play import commands
-from dynreg.gait.seek import AGAIN, SearchSettings, seek
+from dynreg.gait.seek import AGAIN, SearchSettings
 from dynreg.gait.tasks import fitness, task_of
 from dynreg.gait.trials import Trials
 from dynreg.results.gait import Gait
@@ -48,9 +49,8 @@ from dynreg.verbs.gait import MEETS, ROLLOUTS
 from dynreg.verbs.gait_rounds import GaitRoundsSettings, gait_rounds
 from dynreg.verbs.subjects import Recorded
 
-TUNE, REPORT = 61, 20270111
+REPORT = 20270111
 GAITS = ROLLOUTS // MEETS  # about as many gaits as a search of `dynreg gait` tries
-RESULTS = Path(__file__).parent / "results"
 FILE = RESULTS / "gait_hidden.json"
 
 
@@ -116,33 +116,13 @@ def _settings(job: Job, walker: Walker, source: str, number: int) -> SearchSetti
     )
 
 
-def searched(walker: Walker, trials: Trials, real: SimulatedRobot, settings: SearchSettings) -> dict:
-    """What the gait of one search does in its simulators and on the robot."""
-    sought = seek(trials, settings)
-    return {
-        **_tried(walker, real, trials.space.targets(sought.genes[None], trials.times)[0]),
-        "simulated": sought.finals.value if sought.finals else sought.found.value,
-        "gaits": sought.found.evaluations,
-        "genes": sought.genes.tolist(),
-    }
-
-
-def _tried(walker: Walker, real: SimulatedRobot, actions: np.ndarray) -> dict:
-    """What a gait does on the robot in `TRIALS` trials: the mean, falls, and whether it walks."""
-    task = task_of(walker.robot)
-    trials = [real.run(actions, RATE, f"trial_{i}") for i in range(TRIALS)]
-    there, falls = [float(fitness(task.grade(t.walk))[0, 0]) for t in trials], sum(t.fell for t in trials)
-    mean = float(np.mean(there))
-    return {"real": mean, "trials": there, "fell": falls, "success": not falls and mean >= task.success}
-
-
 def _packaged(walker: Walker, real: SimulatedRobot, trials: Trials) -> dict:
     """The best of the robot's own gaits by one trial of each, then tried as the others are."""
     space, task = trials.space, task_of(walker.robot)
     gaits = space.targets(space.feasible(space.from_unit(space.starts)), trials.times)
     once = [fitness(task.grade(real.run(a, RATE, f"own_{i}").walk))[0, 0] for i, a in enumerate(gaits)]
     best, spent = int(np.argmax(once)), asdict(real.spent)
-    return {**_tried(walker, real, gaits[best]), "number": best + 1, "spent": spent}
+    return {**tried(walker, real, gaits[best]), "number": best + 1, "spent": spent}
 
 
 def _rounds(job: Job, walker: Walker, real: SimulatedRobot) -> dict:
@@ -173,17 +153,17 @@ def _rounds(job: Job, walker: Walker, real: SimulatedRobot) -> dict:
                 "problem": str(problem),
             }
         documents = [Gait.model_validate(reg.registry.result(one.gait).document) for one in found.rounds]
-    spent, tried = real.spent, []
+    spent, there = real.spent, []
     for document in documents:
         real.spent = spent  # the same disturbances for all
-        tried.append(_tried(walker, real, commands(document)[1]))
+        there.append(tried(walker, real, commands(document)[1]))
     rounds = [
-        {"real": one.fitness, "fell": one.fell, "fits": one.fits, "again": one.again, "tried": there}
-        for one, there in zip(found.rounds, tried, strict=True)
+        {"real": one.fitness, "fell": one.fell, "fits": one.fits, "again": one.again, "tried": again}
+        for one, again in zip(found.rounds, there, strict=True)
     ]
     best = found.best or len(documents)
-    first = {**tried[0], "spent": asdict(before)}
-    return {**tried[best - 1], "best": best, "first": first, "rounds": rounds, "spent": asdict(spent)}
+    first = {**there[0], "spent": asdict(before)}
+    return {**there[best - 1], "best": best, "first": first, "rounds": rounds, "spent": asdict(spent)}
 
 
 def _none(step: dict) -> dict:

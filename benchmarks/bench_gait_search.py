@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 from journal import Journal
+from kept import RESULTS
 
 from dynreg.gait.seek import SearchSettings, search_of
 from dynreg.gait.tasks import fitness, task_of
@@ -33,7 +34,6 @@ from dynreg.search.table import SEARCHES
 from dynreg.sim.robot import load_robot
 
 TUNE, REPORT = 611, 20261208
-RESULTS = Path(__file__).parent / "results"
 RATE = 36.0  # Hz
 ABLE = 0.3  # m in 10 s, the task's success
 DRAWS = 400  # of robots

@@ -7,9 +7,9 @@ turn; the median of the ratios counts. The bare batch knows no parameters, limit
 import argparse
 import json
 import time
-from pathlib import Path
 
 import numpy as np
+from kept import RESULTS
 from mujoco.batch import Batch
 
 from dynreg.gait.tasks import task_of
@@ -17,7 +17,6 @@ from dynreg.gait.trials import Simulators, Trials
 from dynreg.rng import stream
 from dynreg.sim.robot import load_robot
 
-HERE = Path(__file__).parent
 SUBSTEPS = 7  # of a command at 36 Hz
 
 
@@ -33,7 +32,7 @@ def main() -> None:
             f"{f['gaits']} gaits at a time in 5 simulators: {f['gaits_a_second']:.1f} gaits/s,"
             f" {f['steps_a_second']:.0f} steps/s, {f['share']:.2f} of a bare rollout (the best of both ways)"
         )
-    (HERE / "results" / "gait_speed.json").write_text(json.dumps(figures, indent=1) + "\n")
+    (RESULTS / "gait_speed.json").write_text(json.dumps(figures, indent=1) + "\n")
 
 
 def _share(gaits: int, rounds: int, seconds: float) -> dict[str, float]:

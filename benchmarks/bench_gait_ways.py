@@ -18,13 +18,13 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from bench_gait_hidden import RESULTS, TUNE, searched
 from bootstrap import interval
 from gait_jobs import Cells, Job, Plan, run, search_seed
 from gait_sources import LOGS, SEARCHES, logged, simulators
-from kept import keep
+from gait_tried import searched
+from kept import RESULTS, keep
 from scipy.stats import wilcoxon
-from walkers import FAMILY, RATE, Walker, walker_of
+from walkers import FAMILY, RATE, TUNE, Walker, walker_of
 
 import dynreg
 from dynreg.gait.accept import USUAL

@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 import torch
-from bench_models import TRAIN_ROWS, family
-from kept import keep
-from naming import RESULTS
+from kept import RESULTS, keep
+from model_family import TRAIN_ROWS, family
 
 from dynreg.models.bank import LossBank
 from dynreg.models.losses import predict

@@ -14,8 +14,8 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
-from bench_index import averaged, growths, hubs
-from index_measure import METHODS, Measured, by_graph, by_landmarks, measure_graph
+from index_measure import METHODS, Measured, averaged, by_graph, by_landmarks, growths, hubs, measure_graph
+from kept import RESULTS
 from landmarks import build_landmarks, refine, search_landmarks
 
 import dynreg
@@ -110,13 +110,13 @@ def main() -> None:
         print(f"{name:32s} log n {by_log}   n {by_n}")
     hub = hubs(nodes, 5)
     print(f"\nhubness of the true 5 nearest: {hub}")
-    (HERE / "results").mkdir(exist_ok=True)
+    RESULTS.mkdir(exist_ok=True)
     document = {
         "rows": [asdict(r) for r in rows],
         "growth": growth,
         "hubness": hub,
     }
-    (HERE / "results" / "graph.json").write_text(json.dumps(document, indent=1) + "\n")
+    (RESULTS / "graph.json").write_text(json.dumps(document, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -11,8 +11,9 @@ import time
 from dataclasses import replace
 
 import numpy as np
-from bench_naming_quadruped import measured
-from naming import RESULTS, TUNE, arguments, interval, seeds
+from kept import RESULTS
+from measured_quadruped import measured
+from naming import TUNE, arguments, interval, seeds
 
 from dynreg.diagnose.diagnose import Diagnosed, diagnose
 from dynreg.diagnose.options import DiagnosisOptions

@@ -21,13 +21,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from bench_back_to_reality import FIXED, Shown, scaled
-from bench_naming_quadruped import EFFECTS, IN_ONE_JOINT, plan_of, stand, trot
 from journal import Journal
-from kept import keep
+from kept import RESULTS, keep
 from measured_quadruped import measured_quadruped
-from naming import RESULTS, TUNE
+from naming import TUNE
 from plain_quadruped import RATE, PlainQuadruped, drawn
+from quadruped_trials import EFFECTS, IN_ONE_JOINT, plan_of, stand, trot
+from reality_runs import FIXED, Shown, scaled
 
 import dynreg
 from dynreg.adapt.differences import absolute, rank_correlation

@@ -8,7 +8,6 @@ Prints each method at each size, averaged over seeds, how its cost grows with n,
 
 import argparse
 import json
-from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -16,7 +15,14 @@ from time import perf_counter
 
 import numpy as np
 from index_entries import MatrixDistance, SyntheticEntries
-from index_measure import METHODS, Row, by_graph, fit_growth, hubness, measure_graph, nearest_lists
+from index_measure import (
+    METHODS,
+    averaged,
+    by_graph,
+    growths,
+    hubs,
+    measure_graph,
+)
 
 from dynreg.index import NO_CAP, GraphSettings, build
 
@@ -26,7 +32,6 @@ BENCHED = {
     "graph, ef 20": partial(by_graph, ef=20),
     "graph, ef 100": partial(by_graph, ef=100),
 }
-COLUMNS = ("recall", "quality", "evaluations", "insertion")
 
 
 def main() -> None:
@@ -55,32 +60,6 @@ def main() -> None:
         "overhead": overhead(tables[0]),
     }
     print(json.dumps(summary, indent=1) if options.json else _text(summary))
-
-
-def averaged(runs: Sequence[Sequence[Row]]) -> list[Row]:
-    """The mean of the same rows over several seeds."""
-    means = []
-    for same in zip(*runs, strict=True):
-        values = {name: float(np.mean([getattr(row, name) for row in same])) for name in COLUMNS}
-        means.append(Row(same[0].method, same[0].n, **values))
-    return means
-
-
-def growths(rows: Sequence[Row]) -> Iterable[tuple[str, object]]:
-    """How each method's evaluations for a query, and for an insertion, grow with n."""
-    for name in dict.fromkeys(row.method for row in rows):
-        mine = [row for row in rows if row.method == name]
-        if np.ptp([row.evaluations for row in mine]) > 1.0:
-            yield f"{name}: query", fit_growth([row.n for row in mine], [row.evaluations for row in mine])
-            yield f"{name}: insertion", fit_growth([row.n for row in mine], [row.insertion for row in mine])
-
-
-def hubs(matrix: np.ndarray, k: int) -> dict[str, dict[str, float]]:
-    """Of the true neighbours, and of the links of graphs with and without a cap on degree."""
-    distance, n = MatrixDistance(matrix), len(matrix)
-    capped, free = (build(distance, n, GraphSettings(degree_cap=cap)).neighbours for cap in (20, NO_CAP))
-    lists = {f"{k} nearest": nearest_lists(distance, n, k), "links, cap 20": capped, "links, no cap": free}
-    return {name: asdict(hubness(neighbours, n)) for name, neighbours in lists.items()}
 
 
 def overhead(matrix: np.ndarray) -> dict[str, float]:

@@ -24,6 +24,7 @@ from statistics import median
 
 import numpy as np
 from journal import Journal
+from kept import RESULTS
 from naming import TRUTHS, TUNE, seeds
 from scipy.stats import binomtest, kstest
 
@@ -42,12 +43,11 @@ from dynreg.sim.effects import SIZES, term
 from dynreg.sim.robot import load_robot
 from dynreg.truths.table import causes_of
 
-FILE = Path(__file__).parent / "results" / "intervals.json"
+FILE = RESULTS / "intervals.json"
 JOURNALS = Path(__file__).parent / "registry"
 REPORT = 20261220
 SECONDS = {"servo_pendulum": 50.0, "two_joint_arm": 50.0, "leg": 50.0}
 LEVEL = 0.9  # of the intervals: by contract
-LEAST, WITHIN = 0.80, 0.03  # coverage of each effect, and of all about LEVEL: by contract
 
 
 @dataclass(frozen=True)

@@ -28,12 +28,11 @@ from pathlib import Path
 import aibo
 import kicking
 import numpy as np
-from bench_back_to_reality import Tape
 from journal import Journal
-from kept import keep
+from kept import RESULTS, keep
 from kick_points import SOLVED, both, goals_of, reached, show, told
 from kicking import SHAPE, Recorded, goal_of
-from naming import RESULTS
+from reality_runs import Tape
 
 from dynreg.adapt.goals import Goals, neighbours
 from dynreg.adapt.journalled import Outcome

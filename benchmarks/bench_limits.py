@@ -17,10 +17,9 @@ from typing import Any
 
 import numpy as np
 import torch
-from bench_models import TRAIN_ROWS, family
-from bench_speed import physics
-from kept import keep
-from naming import RESULTS
+from bare_physics import physics
+from kept import RESULTS, keep
+from model_family import TRAIN_ROWS, family
 
 from dynreg.distance.population import Training
 from dynreg.models.bank import LossBank

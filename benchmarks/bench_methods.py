@@ -27,14 +27,14 @@ from pathlib import Path
 
 import numpy as np
 from journal import Journal
-from kept import keep
+from kept import RESULTS, keep
 from methods_robots import FEET, PLANS, SIZE, Secret, described, plan, secrets
 from methods_table import TRUE, show
 from methods_walk import Walks
-from naming import RESULTS, TUNE
+from naming import TUNE
+from reality_runs import scaled
 
 import dynreg
-from dynreg.adapt.tried import Rules
 from dynreg.diagnose.threshold import USUAL
 from dynreg.diagnose.trial import right_names
 from dynreg.errors import DynregError
@@ -98,9 +98,7 @@ def diagnosed(session: dynreg.Session, secret: Secret, cut: Data, held: str, thr
 
 def by_scores(session: dynreg.Session, cut: Data, hidden: Hidden, threads: int) -> dict:
     """Back to Reality on the robot, which has not read the log."""
-    began, usual = time.process_time(), Rules()
-    some = lambda many: max(round(SCALE * many), 1)  # noqa: E731
-    rules = Rules(first=some(usual.first), later=some(usual.later), turns=some(usual.turns))
+    began, rules = time.process_time(), scaled(SCALE)
     door = Walks(cut.robot, hidden, threads).real
     found = session.calibrate(
         cut.robot, method=BTR, robot_door=door, rules=rules, threads=threads, seed=1, trials=TRIALS

@@ -16,8 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from kept import keep
-from naming import RESULTS
+from kept import RESULTS, keep
 from sklearn.mixture import GaussianMixture
 
 import dynreg

@@ -13,6 +13,7 @@ from naming import (
     TUNE,
     Job,
     arguments,
+    group,
     journal_of,
     report,
     report_absent,
@@ -28,17 +29,10 @@ from dynreg.evidence.hypothesis import single_terms
 from dynreg.evidence.truth import protocol
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.effects import SIZES, term
-from dynreg.sim.robot import Robot, load_robot
+from dynreg.sim.robot import load_robot
 from dynreg.truths.table import causes_of
 
 REPORT = 20261208
-
-
-def group(robot: Robot, key: str) -> tuple[str, ...]:
-    """Ids of the effect and of those of its exact group."""
-    mine = term(key).effect
-    every = (t.effect for t in single_terms(robot))
-    return tuple(e.id for e in every if e.id == key or (mine.group and e.group == mine.group))
 
 
 def pairs(keys: list[str], count: int, seed: int) -> list[tuple[tuple[str, str], str, int]]:

@@ -9,18 +9,16 @@ effect. The diagnosis knows none of this. 50 s a log: 20 to fit, 20 to select, 1
 import argparse
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from independent_rows import rows_of
 from naming import TUNE, Job, arguments, journal_of, report, run_all, seeds, threshold, titled, write
 
 from dynreg.diagnose.threshold import Threshold
 from dynreg.evidence.truth import protocol
 from dynreg.results.trials import TrialResult
 from dynreg.rng import stream
-from dynreg.sim.effects import applicable
 from dynreg.sim.robot import Robot, load_robot
-from dynreg.truths.causes import CAUSES
-from dynreg.truths.table import causes_of
 
 # first seeds of the report, of each kind, which nothing was chosen by
 REPORT = {
@@ -30,27 +28,7 @@ REPORT = {
     "six_joint_arm": 20261223,
 }
 SIZES = ("medium", "strong")
-# To a log of wheels an encoder's scale is the wheels' size and the drags at once (see bench_naming_wheels).
-UNTOLD = {"diffdrive": ("encoder_scale",)}
 SECONDS = {"servo_pendulum": 50.0, "two_joint_arm": 50.0, "diffdrive": 25.0, "six_joint_arm": 50.0}
-
-
-@dataclass(frozen=True)
-class Rows:
-    """Ids of the causes of a robot that are drawn for each kind of row."""
-
-    same: tuple[str, ...]
-    other: tuple[str, ...]
-    outside: tuple[str, ...]
-
-
-def rows_of(robot: Robot) -> Rows:
-    """Causes of the library's physics, of other physics with a name that the robot's library has, and without one."""
-    able = applicable(robot)
-    other = causes_of(robot.name, "other")
-    named = tuple(c for c in other if any(name in able for name in CAUSES[c].names))
-    same = (c for c in causes_of(robot.name, "same") if c not in UNTOLD.get(robot.name, ()))
-    return Rows(tuple(same), named, tuple(c for c in other if c not in named))
 
 
 def hidden(one: Job, kind: str, causes: Sequence[str], count: int, seed: int) -> list[Job]:

@@ -8,9 +8,9 @@ it should be, and how many drives visit all places beside how many robots did. A
 
 import argparse
 import json
-from pathlib import Path
 
 import numpy as np
+from kept import RESULTS
 from scipy.stats import binomtest
 
 from dynreg.evidence.interval import NINETY
@@ -22,7 +22,7 @@ from dynreg.timed.navigation import short, visited
 from dynreg.verbs.navigate_settings import NavigateSettings
 from dynreg.verbs.navigation import Planned, planned
 
-FILE = Path(__file__).parent / "results" / "navigate.json"
+FILE = RESULTS / "navigate.json"
 TUNE, REPORT = 20261101, 20270104
 ROBOTS, GENERATIONS = 12, 150  # the usual size, of which alone a result is kept
 SPEED = 0.22  # m/s, of the fastest wheel

@@ -15,11 +15,12 @@ from pathlib import Path
 
 import payload_arms
 from journal import Journal
+from kept import RESULTS
 from scipy.stats import binomtest
 
 import dynreg
 
-FILE = Path(__file__).parent / "results" / "payload.json"
+FILE = RESULTS / "payload.json"
 EFFECTS = ("payload", "com_offset", "inertia")
 LOADS = (0.8, 4.5)  # kg: a weak one by the effect's sizes is 0.4 kg
 TUNE, REPORT = 1, 101  # first seeds of the development's arms, and of the report's

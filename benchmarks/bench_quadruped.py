@@ -9,10 +9,10 @@ used in development (`TUNE`).
 import argparse
 import json
 import time
-from pathlib import Path
 
 import numpy as np
-from hidden import Hidden, hidden_robots, unseen_commands
+from hidden import Hidden, errors_of, hidden_robots
+from kept import RESULTS
 
 import dynreg
 from dynreg.distance.query import DistanceQuery
@@ -22,15 +22,12 @@ from dynreg.replay.known import known_values
 from dynreg.replay.windows import Replayer
 from dynreg.replay.windows import errors as replay_errors
 from dynreg.rng import stream
-from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
-from dynreg.sim.run import Run
 from dynreg.verbs.populations import load_population
 from dynreg.verbs.query import QuerySettings, query
 from dynreg.verbs.subjects import Recorded
 
 TUNE, REPORT = 777, 20261123
-RESULTS = Path(__file__).parent / "results"
 FILE = RESULTS / "quadruped.json"
 RETRIEVED = ("cross_loss", "cross_loss_train", "one_sided", "embedding", "trajectory")
 
@@ -76,27 +73,6 @@ def measure(registry, population, hidden: Hidden, kind: str, budget: int | None)
         "rollouts": answer.cost.rollouts,
         "misfit": answer.misfit,
     }
-
-
-def errors_of(population, hidden: Hidden, chosen: dict[str, np.ndarray]) -> dict[str, float]:
-    """Rollout error of each that was `chosen`, parameters (n, P), and of the robot itself, on unseen commands."""
-    robot = population.shared.robot
-    commands = unseen_commands(robot, hidden)
-    truth = hidden.run(commands, "test")
-    weight = np.array([c.weight for c in robot.file.channels])
-    use = np.flatnonzero(weight)
-    spread = population.entries.states.reshape(-1, len(weight)).std(axis=0)
-    run = Run(commands.actions, period=1 / hidden.rate)
-    itself = chosen.pop("itself")
-    values = np.concatenate(list(chosen.values()))
-    states = [rollout(robot, values, run).states, rollout(hidden.robot, hidden.values[None], run).states]
-    miss = np.concatenate(
-        [np.abs(np.nan_to_num(s, nan=1e3) - truth)[..., 1:, use] / spread[use] for s in states]
-    )
-    error = np.minimum(miss, 10.0).mean(axis=(1, 2, 3))
-    chosen["itself"] = itself
-    cuts = np.cumsum([len(v) for k, v in chosen.items()])[:-1]
-    return {k: float(part.mean()) for k, part in zip(chosen, np.split(error, cuts), strict=True)}
 
 
 def table(rows: list[dict[str, float]], title: str) -> dict[str, dict[str, float]]:

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from hidden import rows_of
 from journal import Journal
+from kept import RESULTS
 from scipy.stats import binomtest
 
 import dynreg
@@ -24,7 +25,7 @@ from dynreg.results import Neighbours
 from dynreg.rng import stream
 from dynreg.sim.robot import Robot
 
-FILE = Path(__file__).parent / "results" / "query_intervals.json"
+FILE = RESULTS / "query_intervals.json"
 TUNE, REPORT = 71, 20261123
 ROBOTS = ("servo_pendulum", "leg")
 SIMULATORS = 200

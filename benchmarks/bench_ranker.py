@@ -13,7 +13,8 @@ from pathlib import Path
 
 import numpy as np
 from journal import Journal
-from naming import RESULTS, TUNE, seeds
+from kept import RESULTS
+from naming import TUNE, seeds
 from scipy.stats import beta
 
 from dynreg.diagnose.calibrate import calibrate

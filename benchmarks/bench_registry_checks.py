@@ -16,7 +16,8 @@ import tempfile
 from pathlib import Path
 from statistics import median
 
-from naming import RESULTS
+from kept import RESULTS
+from servo_log import write_log
 
 HERE = Path(__file__).parent
 STEPS = ("open", "load", "query")
@@ -77,15 +78,6 @@ def main() -> None:
     if given.against:
         RESULTS.mkdir(exist_ok=True)
         (RESULTS / "registry_checks.json").write_text(json.dumps(out, indent=1) + "\n")
-
-
-def write_log(folder: Path) -> Path:
-    """A log of the servo that nobody simulated with: the tests' made-up one."""
-    sys.path.insert(0, str(HERE.parent / "tests"))
-    import tiny_registry
-
-    (folder / "run.csv").write_text(tiny_registry.bench_csv(), encoding="utf-8")
-    return folder / "run.csv"
 
 
 def asked(place: Path, folder: str, side: str, what: str, entries: int, log: Path) -> list | dict:

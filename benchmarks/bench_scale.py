@@ -19,9 +19,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from bench_quadruped import errors_of
-from hidden import Hidden, hidden_robots
+from hidden import Hidden, errors_of, hidden_robots
 from journal import Journal
+from kept import RESULTS
 
 import dynreg
 from dynreg.data.recording import Recording
@@ -210,8 +210,8 @@ def main() -> None:
     rows = summary(journal.lines())
     print(json.dumps(rows, indent=1))
     if not given.tune:
-        (HERE / "results").mkdir(exist_ok=True)
-        out = HERE / "results" / f"scale_{given.robot}.json"
+        RESULTS.mkdir(exist_ok=True)
+        out = RESULTS / f"scale_{given.robot}.json"
         out.write_text(json.dumps({"rows": rows}, indent=1) + "\n")
 
 

@@ -16,7 +16,8 @@ from tempfile import TemporaryDirectory
 import aibo
 import numpy as np
 from journal import Journal
-from naming import RESULTS, TUNE
+from kept import RESULTS
+from naming import TUNE
 from scipy.stats import binomtest
 
 import dynreg

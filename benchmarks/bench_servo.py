@@ -11,13 +11,13 @@ import os
 from pathlib import Path
 
 import numpy as np
+from kept import RESULTS
 
 import dynreg
 
 HERE = Path(__file__).parent
 DATA = Path(os.environ.get("DYNREG_DATA_DIR", HERE.parent.parent / "shared" / "data"))
 HELD_OUT = "kp=400"
-FIFTH = 5  # the query may cost a fifth of the reference
 
 
 def main() -> None:
@@ -62,8 +62,8 @@ def main() -> None:
         f"simulations: {found.cost.rollouts} of the query, {cost} of the reference to within 2 % of its final "
         f"training error (best of {given.seeds} seeds): {found.cost.rollouts / cost:.3f} (wanted: at most 0.20)"
     )
-    (HERE / "results").mkdir(exist_ok=True)
-    (HERE / "results" / "servo.json").write_text(json.dumps(rows, indent=1) + "\n")
+    RESULTS.mkdir(exist_ok=True)
+    (RESULTS / "servo.json").write_text(json.dumps(rows, indent=1) + "\n")
 
 
 def _train(found, stage) -> float:

@@ -21,6 +21,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+from kept import RESULTS
 
 import dynreg
 from dynreg.data.recording import Channel
@@ -217,10 +218,9 @@ def main() -> None:
         print(
             f"{one.what:32} {one.bytes / 1e6:9.3f} MB {one.requests:5d} requests {one.share:8.2%} {one.seconds:7.2f} s"
         )
-    results = HERE / "results"
-    results.mkdir(exist_ok=True)
+    RESULTS.mkdir(exist_ok=True)
     document = {"written": asdict(written), "fetched": [asdict(one) for one in fetched]}
-    (results / "stores.json").write_text(json.dumps(document, indent=1) + "\n")
+    (RESULTS / "stores.json").write_text(json.dumps(document, indent=1) + "\n")
     if written.lost or written.faults:
         raise SystemExit("something was lost")
 

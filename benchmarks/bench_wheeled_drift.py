@@ -28,6 +28,7 @@ from pathlib import Path
 import numpy as np
 from bootstrap import interval
 from journal import Journal
+from kept import RESULTS
 from scipy.stats import binomtest
 
 from dynreg.rng import stream, stream_seed
@@ -47,7 +48,6 @@ from dynreg.timed.pulsed import Controllers
 from dynreg.timed.table import DisplacementTable, Rules, updated
 from dynreg.timed.worn import WornWheels
 
-HERE = Path(__file__).parent / "results"
 TUNE, REPORT = 63, {"changing": 20261211, "static": 20261218}
 GIVES = (0.6, 0.8)  # of what the wheel is told
 CHANGES = 0.4  # of the evolution: generation 800 of 2000
@@ -252,7 +252,7 @@ def main() -> None:
     seed = TUNE if given.tune else REPORT[given.robots]
     plan = Plan(seed, given.evolutions, given.generations, given.method, given.robots)
     name = f"wheeled_{'static' if plan.robots == 'static' else 'drift'}_{plan.method}"
-    path = given.journal or HERE / f"{name}{'_tune' if given.tune else ''}.jsonl"
+    path = given.journal or RESULTS / f"{name}{'_tune' if given.tune else ''}.jsonl"
     journal = Journal(path, {"plan": asdict(plan)})
     journal.begin()
     done = {(row["number"], row["update"]) for row in journal.lines()}
@@ -262,7 +262,7 @@ def main() -> None:
             print(future.result(), flush=True)
     out = show(journal.lines(), still(plan.seed))
     if not given.tune:
-        (HERE / f"{name}.json").write_text(json.dumps({"plan": asdict(plan), **out}, indent=1) + "\n")
+        (RESULTS / f"{name}.json").write_text(json.dumps({"plan": asdict(plan), **out}, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -13,9 +13,9 @@ import time
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
-from pathlib import Path
 
 import numpy as np
+from kept import RESULTS
 
 import dynreg
 from dynreg.evidence.truth import Protocol, hide, log_of
@@ -25,7 +25,7 @@ from dynreg.sim.effects import term
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
 
-FILE = Path(__file__).parent / "results" / "wheeled_extended.json"
+FILE = RESULTS / "wheeled_extended.json"
 TUNE, REPORT = 64, 20261213
 EFFECTS = ("wheel_gain", "turn_slowdown", "command_deadband", "command_delay", "wheel_slip")
 EPISODES, SECONDS = 20, 60.0

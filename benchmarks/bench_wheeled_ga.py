@@ -15,7 +15,8 @@ import time
 from pathlib import Path
 
 import numpy as np
-from bench_wheeled_models import CUT, NOISE, TRACK, TRUTHS, log_of
+from kept import RESULTS
+from khepera_robots import CUT, NOISE, TRACK, TRUTHS, log_of
 from wheeled_robots import fitted
 
 from dynreg.rng import stream
@@ -24,7 +25,6 @@ from dynreg.timed.compare import FACTORS
 from dynreg.timed.fit import Breeding, fit_unicycle
 from dynreg.timed.unicycle import unicycle
 
-HERE = Path(__file__).parent / "results"
 TUNE, REPORT = 66, 20261231
 PARTS = (slice(0, 100), slice(100, 150), slice(150, 380))
 LONGEST = 0.6  # s of a command
@@ -89,7 +89,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--models", type=Path, default=HERE / "wheeled_models.jsonl", help="the kept fits")
+    parser.add_argument("--models", type=Path, default=RESULTS / "wheeled_models.jsonl", help="the kept fits")
     parser.add_argument("--generations", nargs="*", type=int, default=[150, 1000])
     parser.add_argument("--robots", nargs="*", choices=TRUTHS, default=["Table II", "Laut", "slower"])
     parser.add_argument("--tune", action="store_true", help="the robots of the development; writes nothing")
@@ -103,7 +103,7 @@ def main() -> None:
         out["bred"][name] = bred(name, TUNE if given.tune else REPORT, tuple(given.generations))
         show(name, out["bred"][name])
     if not given.tune:
-        (HERE / "wheeled_ga.json").write_text(json.dumps(out, indent=1) + "\n")
+        (RESULTS / "wheeled_ga.json").write_text(json.dumps(out, indent=1) + "\n")
 
 
 if __name__ == "__main__":

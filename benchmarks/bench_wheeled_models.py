@@ -22,37 +22,20 @@ from pathlib import Path
 
 import numpy as np
 from journal import Journal
+from kept import RESULTS
+from khepera_robots import CUT, PUBLISHED, TRACK, TRUTHS, log_of
 
 from dynreg.results.comparison import Errors
 from dynreg.rng import stream
-from dynreg.timed.commands import AXES, Commands, drawn
-from dynreg.timed.compare import FACTORS, compared
+from dynreg.timed.commands import AXES, drawn
+from dynreg.timed.compare import compared
 from dynreg.timed.fit import Breeding, fit_unicycle
 from dynreg.timed.models import Kinematic, Model, Unicycle
 from dynreg.timed.networks import Networks, train
-from dynreg.timed.unicycle import KHEPERA, LAUT, unicycle
 
-FILE = Path(__file__).parent / "results" / "wheeled_models.json"
+FILE = RESULTS / "wheeled_models.json"
 TUNE, REPORT = 62, 20261210
-TRACK = 0.0884  # m
-CUT = (slice(0, 1000), slice(1000, 1230), slice(1230, 1460))
-TRUTHS = {
-    "Table II": KHEPERA,
-    "Table II again": KHEPERA,
-    "Laut": LAUT,
-    "half way": 0.5 * (KHEPERA + LAUT),
-    "slower": KHEPERA * [1.3, 1.3, 1.0, 1.0, 1.0, 1.0],
-}
-# mean absolute errors, Table III: cm, cm, degrees
-PUBLISHED = {
-    "network": (0.4483, 0.6241, 3.0239),
-    "dynamic": (0.3467, 0.3628, 4.1985),
-    "kinematic": (1.0093, 1.2788, 13.2385),
-}
 QUICK = {"network": 484.0, "dynamic": 16700.0, "kinematic": 24.0}  # ms for 100,000 commands, Table IV
-NOISE = (
-    np.array(PUBLISHED["dynamic"]) / FACTORS * np.sqrt(np.pi / 2)
-)  # 1 sigma, of that mean size [m, m, rad]
 NETWORK = ("weights", "mean", "scale", "out_mean", "out_scale", "errors")
 
 
@@ -96,14 +79,6 @@ def main() -> None:
     }
     if not given.tune:
         FILE.write_text(json.dumps(figures, indent=1) + "\n")
-
-
-def log_of(seed: int, name: str) -> tuple[Commands, np.ndarray]:
-    """Commands (n,) of a hidden robot, and its displacements (n, 3) as they are measured."""
-    number = list(TRUTHS).index(name)
-    commands = drawn(CUT[-1].stop, stream(seed, "commands", number))
-    moved = unicycle(commands, TRUTHS[name], TRACK)
-    return commands, moved + NOISE * stream(seed, "tracker", number).standard_normal(moved.shape)
 
 
 def work(plan: Plan, name: str, path: Path) -> str:

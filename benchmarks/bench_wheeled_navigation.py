@@ -39,6 +39,7 @@ from pathlib import Path
 import numpy as np
 from bootstrap import interval
 from journal import Journal
+from kept import RESULTS
 from scipy.stats import binomtest, fisher_exact
 from wheeled_robots import Exact, hidden, made, sayers_of, simulators_of, truth_of
 
@@ -47,7 +48,6 @@ from dynreg.timed.commands import AXES
 from dynreg.timed.navigation import COMMANDS, PLANNING, Plan, driven, evolve, fitness
 from dynreg.timed.navigation import Path as Way
 
-HERE = Path(__file__).parent / "results"
 TUNE, REPORT = 65, 20261230
 SMALL = (12, 500)  # evolutions in each simulator, generations
 AGAIN = 40  # times that a plan is driven once more
@@ -234,7 +234,7 @@ def main() -> None:
         given.threshold_runs,
     )
     ending = "_tune" if given.tune else "" if table.generations == SMALL[1] else f"_{table.generations}"
-    path = given.journal or HERE / f"wheeled_navigation{ending}.jsonl"
+    path = given.journal or RESULTS / f"wheeled_navigation{ending}.jsonl"
     journal = Journal(path, {"table": asdict(table)})
     journal.begin()
     with ProcessPoolExecutor(given.processes, mp_context=get_context("spawn")) as pool:
@@ -248,7 +248,7 @@ def main() -> None:
             print(future.result(), flush=True)
     out = {"table": asdict(table), **show(journal.lines())}
     if not given.tune:
-        (HERE / f"wheeled_navigation{ending}.json").write_text(json.dumps(out, indent=1) + "\n")
+        (RESULTS / f"wheeled_navigation{ending}.json").write_text(json.dumps(out, indent=1) + "\n")
 
 
 if __name__ == "__main__":

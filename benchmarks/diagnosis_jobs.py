@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from bench_naming_leg import drawn
-from bench_naming_leg import plan_of as leg_plan
-from bench_naming_quadruped import hidden as hidden_quadrupeds
-from bench_naming_quadruped import measured
-from bench_naming_quadruped import plan_of as quadruped_plan
+from leg_trials import drawn
+from leg_trials import plan_of as leg_plan
+from measured_quadruped import measured
 from naming import TUNE, seeds
+from quadruped_trials import hidden as hidden_quadrupeds
+from quadruped_trials import plan_of as quadruped_plan
 from timed_diagnosis import write_log
 
 import dynreg

@@ -106,3 +106,24 @@ def unseen_commands(robot: Robot, hidden: Hidden, *, episodes: int = 8, seconds:
         episodes=episodes,
         steps=steps,
     )
+
+
+def errors_of(population, hidden: Hidden, chosen: dict[str, np.ndarray]) -> dict[str, float]:
+    """Rollout error of each that was `chosen`, parameters (n, P), and of the robot itself, on unseen commands."""
+    robot = population.shared.robot
+    commands = unseen_commands(robot, hidden)
+    truth = hidden.run(commands, "test")
+    weight = np.array([c.weight for c in robot.file.channels])
+    use = np.flatnonzero(weight)
+    spread = population.entries.states.reshape(-1, len(weight)).std(axis=0)
+    run = Run(commands.actions, period=1 / hidden.rate)
+    itself = chosen.pop("itself")
+    values = np.concatenate(list(chosen.values()))
+    states = [rollout(robot, values, run).states, rollout(hidden.robot, hidden.values[None], run).states]
+    miss = np.concatenate(
+        [np.abs(np.nan_to_num(s, nan=1e3) - truth)[..., 1:, use] / spread[use] for s in states]
+    )
+    error = np.minimum(miss, 10.0).mean(axis=(1, 2, 3))
+    chosen["itself"] = itself
+    cuts = np.cumsum([len(v) for k, v in chosen.items()])[:-1]
+    return {k: float(part.mean()) for k, part in zip(chosen, np.split(error, cuts), strict=True)}

@@ -1,7 +1,7 @@
 """How good an index is: recall and cost against brute force, growth with n, hubness."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from functools import partial
 
 import numpy as np
@@ -251,3 +251,32 @@ def _line(x: np.ndarray, y: np.ndarray) -> tuple[float, float, float]:
     residual = y - constant - slope * x
     explained = 1.0 - residual @ residual / max(float(np.sum((y - y.mean()) ** 2)), 1e-12)
     return float(slope), float(explained), float(np.sqrt(np.mean(residual**2)))
+
+
+COLUMNS = ("recall", "quality", "evaluations", "insertion")
+
+
+def averaged(runs: Sequence[Sequence[Row]]) -> list[Row]:
+    """The mean of the same rows over several seeds."""
+    means = []
+    for same in zip(*runs, strict=True):
+        values = {name: float(np.mean([getattr(row, name) for row in same])) for name in COLUMNS}
+        means.append(Row(same[0].method, same[0].n, **values))
+    return means
+
+
+def growths(rows: Sequence[Row]) -> Iterable[tuple[str, object]]:
+    """How each method's evaluations for a query, and for an insertion, grow with n."""
+    for name in dict.fromkeys(row.method for row in rows):
+        mine = [row for row in rows if row.method == name]
+        if np.ptp([row.evaluations for row in mine]) > 1.0:
+            yield f"{name}: query", fit_growth([row.n for row in mine], [row.evaluations for row in mine])
+            yield f"{name}: insertion", fit_growth([row.n for row in mine], [row.insertion for row in mine])
+
+
+def hubs(matrix: np.ndarray, k: int) -> dict[str, dict[str, float]]:
+    """Of the true neighbours, and of the links of graphs with and without a cap on degree."""
+    distance, n = MatrixDistance(matrix), len(matrix)
+    capped, free = (build(distance, n, GraphSettings(degree_cap=cap)).neighbours for cap in (20, NO_CAP))
+    lists = {f"{k} nearest": nearest_lists(distance, n, k), "links, cap 20": capped, "links, no cap": free}
+    return {name: asdict(hubness(neighbours, n)) for name, neighbours in lists.items()}

@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+RESULTS = Path(__file__).parent / "results"
 FREE = ("threads", "journal", "processes", "registry", "resume")  # options that change no figure
 
 

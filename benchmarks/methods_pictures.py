@@ -17,8 +17,8 @@ if __name__ == "__main__":
     matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+from kept import RESULTS
 from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
-from naming import RESULTS
 
 EPISODE = 2.5  # s of a servo's
 LOG = 8 * 60 / 36.0  # s of a quadruped's log

@@ -14,10 +14,10 @@ from functools import cache
 from pathlib import Path
 
 import aibo
-import bench_naming_quadruped as quadruped
-from bench_naming_independent import rows_of
+from independent_rows import rows_of
 from measured_quadruped import measured_quadruped
 from naming import seeds
+from quadruped_trials import plan_of
 
 from dynreg.data.recording import Recording
 from dynreg.diagnose.trial import Trial, Trials, hidden_log
@@ -78,7 +78,7 @@ class Secret:
         if self.robot == "aibo":
             return walked(robot, self.cause is not None, self.seed)
         if self.robot == "quadruped":
-            plan = quadruped.plan_of(robot)
+            plan = plan_of(robot)
         else:
             plan = protocol(robot, seed=self.seed, seconds=self.seconds)
         if self.robot in KINDS:

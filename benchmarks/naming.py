@@ -13,10 +13,12 @@ from statistics import median
 
 import numpy as np
 from journal import Journal
+from kept import RESULTS
 
 from dynreg.diagnose.threshold import SEARCH, USUAL, Threshold
 from dynreg.diagnose.trial import Trial, Trials
 from dynreg.diagnose.trial import nulls as simulated
+from dynreg.evidence.hypothesis import single_terms
 from dynreg.evidence.truth import Protocol
 from dynreg.results.trials import Rate, TrialResult, TrialTable, confident, rate
 from dynreg.rng import stream_seed
@@ -24,7 +26,6 @@ from dynreg.sim.effects import SIZES, term
 from dynreg.sim.robot import Robot
 from dynreg.verbs.trials import results_of
 
-RESULTS = Path(__file__).parent / "results"
 TUNE = 3  # the seed of the development, of the commands and of the threshold
 PARTS = 10  # in which the threshold's robots are simulated
 MANY = 100  # trials: with more, a line tells of fifty
@@ -339,3 +340,10 @@ def _print_effects(out: dict) -> None:
         held = found["covered"]
         covered = f"{held['hits']}/{held['of']} [{held['low']:.2f}, {held['high']:.2f}]" if held else "-"
         print(f"{effect:24s} {' '.join(cells)}   {error:>5s}  {covered}")
+
+
+def group(robot: Robot, key: str) -> tuple[str, ...]:
+    """Ids of the effect and of those of its exact group."""
+    mine = term(key).effect
+    every = (t.effect for t in single_terms(robot))
+    return tuple(e.id for e in every if e.id == key or (mine.group and e.group == mine.group))

@@ -7,7 +7,8 @@ import json
 import re
 from pathlib import Path
 
-from naming import NOTHING, RESULTS
+from kept import RESULTS
+from naming import NOTHING
 
 from dynreg.errors import UsageError
 from dynreg.sim.effects import SIZES

@@ -2,7 +2,7 @@
 
 It shares the MJCF with the library, and nothing of how the library simulates: feet have a friction of their own by
 MuJoCo's `priority`, drives are MuJoCo's actuators, the time step is eight times finer. Its parts differ from the
-nameplate as scales and rulers would tell them (`bench_naming_quadruped.KNOWN`); its lengths, limits and gravity do not.
+nameplate as scales and rulers would tell them (`measured_quadruped.KNOWN`); its lengths, limits and gravity do not.
 """
 
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from functools import cached_property
 
 import mujoco
 import numpy as np
-from bench_naming_quadruped import KNOWN
+from measured_quadruped import KNOWN
 from scipy.spatial.transform import Rotation
 
 from dynreg.data.recording import Channel, Episode, Recording

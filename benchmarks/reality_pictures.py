@@ -18,7 +18,7 @@ if __name__ == "__main__":
     matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
-from naming import RESULTS
+from kept import RESULTS
 
 SIMULATED, REAL, OTHER = "#d9822b", "#0b63ce", "#a4a7aa"
 NAMES = {

@@ -4,13 +4,14 @@ Half of them are in the family: parameters drawn from its ranges. The others are
 no simulator of the family has (`OUTSIDE`). Two thirds of the draws cannot walk (their motors are too weak for their
 weight): a draw that the hand-written trot does not bring `ABLE` metres ahead in its own simulator, with what it hides
 and without a fall, is drawn again. All take 36 commands a second, and each comes with its nameplate: its parts as
-scales and rulers told them (`bench_naming_quadruped.KNOWN`). Only the diagnosis reads that.
+scales and rulers told them (`measured_quadruped.KNOWN`). Only the diagnosis reads that.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
-from bench_naming_quadruped import KNOWN, measured, plan_of
+from measured_quadruped import KNOWN, measured
+from quadruped_trials import plan_of
 
 from dynreg.data.recording import Recording
 from dynreg.diagnose.account import simulator
@@ -30,6 +31,7 @@ from dynreg.sim.real import Budget, SimulatedRobot, Spent
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.space import ParameterSpace
 
+TUNE = 61  # the seed of the development
 RATE = 36.0  # Hz
 OFF_CENTRE = 0.08  # m from the middle of the torso, ahead, where the payload sits
 SHARE = 0.15  # of the torso's mass

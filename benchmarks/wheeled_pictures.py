@@ -16,6 +16,7 @@ if __name__ == "__main__":
     matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+from kept import RESULTS
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Rectangle
 
@@ -23,7 +24,6 @@ from dynreg.timed.evolve import EVERY
 from dynreg.timed.goal import FIELD, REACHED, TARGET
 from dynreg.timed.navigation import CORNERS
 
-HERE = Path(__file__).parent / "results"
 SIMULATED, REAL, QUIET = "#0b63ce", "#d9822b", "#e4e6e8"
 TITLES = {
     "kinematic": "closed form",
@@ -105,7 +105,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--results", type=Path, default=HERE)
+    parser.add_argument("--results", type=Path, default=RESULTS)
     parser.add_argument("--out", type=Path, default=Path("docs"))
     given = parser.parse_args(arguments)
     given.out.mkdir(parents=True, exist_ok=True)

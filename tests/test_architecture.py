@@ -209,6 +209,15 @@ def test_functions_are_short():
     assert not long, "\n".join(long)
 
 
+def test_what_benchmarks_share_is_no_benchmark():
+    """But the table of all real robots, which gathers those of each."""
+    files = [p for p in (ROOT / "benchmarks").glob("*.py") if p.name != "bench_diagnose_real.py"]
+    taken = {
+        (p.name, m) for p in files for m in re.findall(r"^(?:from|import) (bench_\w+)", p.read_text(), re.M)
+    }
+    assert len(files) > 50 and not taken
+
+
 def test_test_files_have_names_of_their_own():
     """Those of two folders with one name cannot be collected together."""
     names = [p.name for p in (ROOT / "tests").rglob("test_*.py")]

@@ -1,7 +1,8 @@
 """The bench of Back to Reality recomputes the table of the paper, whose column IF is printed as a fraction."""
 
 import pytest
-from bench_back_to_reality import TABLE, improvement, learning, scaled
+from bench_back_to_reality import TABLE, improvement, learning
+from reality_runs import scaled
 
 
 @pytest.mark.parametrize("name", TABLE)

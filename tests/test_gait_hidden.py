@@ -93,7 +93,7 @@ def test_a_journal_goes_on_and_leaves_out_a_torn_line(bench, journal) -> None:
 
 def test_finished_cells_are_not_run_again(bench, journal, monkeypatch) -> None:
     """With 21 rollouts (two batches), on one robot; nothing of a population is needed for these sources."""
-    monkeypatch.setattr(bench, "TRIALS", 1)
+    monkeypatch.setattr("gait_tried.TRIALS", 1)
     monkeypatch.setattr(bench, "ORACLES", 3)
     job = bench.Job(journal_plan(bench), "family 0", ("nominal", "true"), journal.path, "", "")
     assert bench.work(job) == "family 0"
@@ -106,7 +106,7 @@ def test_finished_cells_are_not_run_again(bench, journal, monkeypatch) -> None:
         assert sorted(cell["all"])[len(cell["all"]) // 2] == cell["real"]  # of the oracles the middle one
         assert len(cell["all"]) == {"nominal": 1, "true": 3}[source]
     before = journal.path.read_bytes()
-    monkeypatch.setattr(bench, "seek", None)
+    monkeypatch.setattr(bench, "searched", None)
     bench.work(job)
     assert journal.path.read_bytes() == before
 

@@ -79,7 +79,7 @@ def test_the_first_search_of_a_way_is_that_of_the_other_table_and_the_second_is_
     """With 21 rollouts, in a simulator that a journal holds already."""
     import bench_gait_hidden as hidden
 
-    monkeypatch.setattr(hidden, "TRIALS", 1)
+    monkeypatch.setattr("gait_tried.TRIALS", 1)
     plan = hidden.Plan(SEED, 12, 21, 60)
     journal = hidden.Cells(tmp_path / "ways.jsonl", plan)
     journal.begin()

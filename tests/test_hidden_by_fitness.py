@@ -62,7 +62,7 @@ def test_the_nameplate_has_not_moved_and_what_has_is_told_in_shares_of_its_range
 
 
 def test_the_robot_that_recordings_are_of_is_that_of_the_naming_bench(bench_hidden: ModuleType) -> None:
-    from bench_naming_quadruped import measured
+    from measured_quadruped import measured
 
     robot, other = bench_hidden.measured_quadruped(), measured(load_robot("quadruped"))
     assert robot.space.parameters == other.space.parameters and robot.file.channels == other.file.channels

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import aibo
-import bench_back_to_reality
 import bench_kick
 import kicking
 import pytest
@@ -79,7 +78,7 @@ def test_a_second_run_counts_both_costs_and_keeps_the_better_kick() -> None:
 def test_a_kick_that_a_point_beside_it_found_is_found_again(dog: Robot, monkeypatch) -> None:
     """The hidden robot is the nominal one."""
     monkeypatch.setattr(bench_kick, "DRAWS", 4)
-    monkeypatch.setattr(bench_back_to_reality, "FINER", 1)
+    monkeypatch.setattr("reality_runs.FINER", 1)
     nominal = aibo.Hidden(5, dog.space.as_dict(dog.space.nominal), material=False)
     bench, start = (
         Bench(nominal, dog, replace(RULES, first=1, iterations=1, stand=1), 1),
