@@ -4,13 +4,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 from pydantic import Field, PrivateAttr, field_validator
 
 from dynreg.errors import UsageError
-from dynreg.search.strategy import CARRIED, STEP
+from dynreg.search.drive import Search
+from dynreg.search.start import Start
+from dynreg.search.strategy import CARRIED, STEP, EvolutionStrategy
 from dynreg.search.table import FORMER, SEARCHES
 from dynreg.sim.table import Table
 from dynreg.tomlfile import line_of, parse_toml, read_text
@@ -54,13 +57,13 @@ class StageTable(Table):
     rho: int = Field(default=2, ge=1, le=10000, description="Parents of one child (`es`).")
     generations: int = Field(default=80, ge=1, le=1_000_000, description="Generations of the stage.")
     step: float = Field(
-        default=STEP, gt=0, le=1, description="First step of a parameter, of its range (`es`)."
+        default=STEP, gt=0, le=1, description="First step of a parameter, of its range (`es`, `cma`)."
     )
     carry: float = Field(
         default=CARRIED,
         gt=0,
         le=1,
-        description="First step of a parameter that an earlier stage has fitted, of its range (`es`).",
+        description="First step of a parameter that an earlier stage has fitted, of its range (`es`, `cma`).",
     )
 
     _lines: Mapping[str, int] = PrivateAttr(default_factory=dict)  # of its keys, and
@@ -69,6 +72,14 @@ class StageTable(Table):
     def place(self, *keys: str) -> str:
         """What an error begins with: the file, and the line of the last of these keys; "" without a file."""
         return f"{self._file}, line {max(self._lines[key] for key in keys)}: " if self._lines else ""
+
+    def begin(self, point: np.ndarray, steps: np.ndarray, rng: np.random.Generator) -> Search:
+        """The stage's search from a point (F,) with first steps (F,), 1 sigma; UsageError for sizes that it refuses."""
+        if self.search == "es":
+            return EvolutionStrategy(
+                point, rng=rng, mu=self.mu, children=self.children, rho=self.rho, steps=steps
+            )
+        return SEARCHES[self.search].begin(Start(len(point), rng, self.children, point, steps=steps))
 
     @field_validator("search", mode="before")
     @classmethod
@@ -82,6 +93,19 @@ class PlanFile(Table):
     stages: list[StageTable] = Field(min_length=1, description="The stages, in order.")
 
 
+# key: what the loss or the search of a stage must be, for the key to mean something
+MEANS: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        "shift": ("loss", ("joint",)),
+        "rotation": ("loss", ("velocity",)),
+        "mu": ("search", ("es",)),
+        "rho": ("search", ("es",)),
+        "step": ("search", ("es", "cma")),
+        "carry": ("search", ("es", "cma")),
+    }
+)
+
+
 @dataclass(frozen=True, eq=False)
 class Stage:
     """A stage of a plan for a robot and a recording: its table, parameters (F,) by number, and windows (W',)."""
@@ -92,7 +116,11 @@ class Stage:
 
 
 def read_plan(path: Path) -> tuple[StageTable, ...]:
-    """The stages of a file. Raises UsageError that names the line, and where two stages have one name or one search."""
+    """The stages of a file.
+
+    Raises UsageError that names the line, also for two stages of one name, a key that means nothing to the stage's
+    loss or search, and sizes that its search refuses.
+    """
     text = read_text(path, UsageError)
     stages = tuple(parse_toml(text, path.name, PlanFile, UsageError).stages)
     for i, stage in enumerate(stages):
@@ -104,6 +132,7 @@ def read_plan(path: Path) -> tuple[StageTable, ...]:
                 expected=f"one of {', '.join(SEARCHES)}",
                 do=f"correct it in {path.name}",
             )
+        _require_meaning(stage, path.name)
         if stage.search == "es" and not stage.rho <= stage.mu < stage.children:
             raise UsageError(
                 f"{stage.place('rho', 'mu', 'children')}stage {stage.name!r}: rho {stage.rho}, mu {stage.mu}, "
@@ -111,6 +140,14 @@ def read_plan(path: Path) -> tuple[StageTable, ...]:
                 expected="rho <= mu < children",
                 do=f"correct them in {path.name}",
             )
+        try:
+            SEARCHES[stage.search].require(stage.children)
+        except UsageError as error:
+            raise UsageError(
+                f"{stage.place('search', 'children')}stage {stage.name!r}: search {stage.search!r}, {error.problem}",
+                expected=error.expected,
+                do=f"correct `children` in {path.name}",
+            ) from None
         for other in stages[:i]:
             if stage.name == other.name:
                 raise UsageError(
@@ -119,6 +156,18 @@ def read_plan(path: Path) -> tuple[StageTable, ...]:
                     do="rename one",
                 )
     return stages
+
+
+def _require_meaning(stage: StageTable, file: str) -> None:
+    """UsageError for a key that is written and means nothing to the stage's loss or search."""
+    for key, (of, meant) in MEANS.items():
+        if key in stage.model_fields_set and getattr(stage, of) not in meant:
+            raise UsageError(
+                f"{stage.place(key)}stage {stage.name!r}: {key} = {getattr(stage, key)!r}, which means nothing to "
+                f"{of} {getattr(stage, of)!r}",
+                expected=f"it with {of} {' or '.join(map(repr, meant))}",
+                do=f"leave it out of {file}",
+            )
 
 
 def resolved(
@@ -163,14 +212,10 @@ def resolved(
 
 
 def _matching(stage: StageTable, what: str, patterns: Sequence[str], names: Sequence[str]) -> list[int]:
-    """Numbers of the names that a pattern matches, whole or in a part; UsageError where one matches none."""
+    """Numbers of the names that a pattern matches, whole or in parts; UsageError where one matches none."""
     found: set[int] = set()
     for pattern in patterns:
-        hits = [
-            i
-            for i, name in enumerate(names)
-            if any(fnmatchcase(p, pattern) for p in (name, *name.split("/")))
-        ]
+        hits = [i for i, name in enumerate(names) if any(fnmatchcase(part, pattern) for part in _spans(name))]
         if not hits:
             raise UsageError(
                 f"{stage.place(what)}stage {stage.name!r}: {what} has {pattern!r}, which matches nothing",
@@ -179,3 +224,13 @@ def _matching(stage: StageTable, what: str, patterns: Sequence[str], names: Sequ
             )
         found |= {*hits}
     return sorted(found)
+
+
+def _spans(name: str) -> list[str]:
+    """A name and all that follows one another in it: a recording's name may have a slash, too.
+
+    >>> _spans("lab/monday/e0")
+    ['lab', 'lab/monday', 'lab/monday/e0', 'monday', 'monday/e0', 'e0']
+    """
+    parts = name.split("/")
+    return ["/".join(parts[i:j]) for i in range(len(parts)) for j in range(i + 1, len(parts) + 1)]

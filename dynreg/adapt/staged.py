@@ -5,27 +5,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.adapt.plan import Stage, StageTable
+from dynreg.adapt.plan import Stage
 from dynreg.adapt.searched import Searched, searched
 from dynreg.errors import UsageError
-from dynreg.search.drive import Limits, Search
+from dynreg.search.drive import Limits
 from dynreg.search.journal import Journal
-from dynreg.search.start import Start
-from dynreg.search.strategy import EvolutionStrategy
-from dynreg.search.table import SEARCHES
 
 
 @dataclass(frozen=True, eq=False)
 class Loss:
-    """What a stage makes small: of unit parameters (n, P), (n,) losses, `most` where a simulation diverged."""
+    """What a stage makes small: of unit parameters (n, P), (n,) losses, `most` where a simulation diverged.
+
+    windows : (W',) numbers of the windows in which something counts.
+    """
 
     of: Callable[[np.ndarray], np.ndarray]
     most: float
+    windows: np.ndarray
 
 
 def staged(
     stages: Sequence[Stage],
-    loss: Callable[[Stage], Loss],
+    losses: Sequence[Loss],
     start: np.ndarray,
     rng: Callable[[str], np.random.Generator],
     *,
@@ -34,7 +35,8 @@ def staged(
     journal: Callable[[str], Journal | None] = lambda _: None,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> tuple[Searched, ...]:
-    """What each stage found; it begins where the one before it ended, first with unit parameters `start` (P,).
+    """What each stage found by its loss; it begins where the one before it ended, first with unit parameters `start`
+    (P,).
 
     A parameter that was fitted before begins with the small step `carry`: by an earlier stage, or where `fitted` (P,)
     says so. rng, journal : of a stage, by its name. generations : of each stage; those of its table by default.
@@ -42,14 +44,14 @@ def staged(
     out: list[Searched] = []
     fitted = np.zeros(len(start), dtype=bool) if fitted is None else fitted.copy()
     every = [stage.table.generations for stage in stages] if generations is None else generations
-    for stage, many in zip(stages, every, strict=True):
-        table, own, free = stage.table, loss(stage), stage.parameters
+    for stage, own, many in zip(stages, losses, every, strict=True):
+        table, free = stage.table, stage.parameters
         steps = np.where(fitted, table.carry, table.step)[free]
         found = searched(
             own.of,
             out[-1].unit if out else start,
             free,
-            lambda point, table=table, steps=steps: _search(table, point, steps, rng(table.name)),
+            lambda point, table=table, steps=steps: table.begin(point, steps, rng(table.name)),
             Limits(1 + many * table.children),
             most=own.most,
             journal=journal(table.name),
@@ -79,11 +81,3 @@ def within(stages: Sequence[Stage], simulations: int | None) -> list[int]:
     more = sum((g - 1) * c for g, c in zip(asked, children, strict=True))
     share = min((simulations - least) / max(more, 1), 1.0)
     return [1 + int(share * (g - 1)) for g in asked]
-
-
-def _search(table: StageTable, point: np.ndarray, steps: np.ndarray, rng: np.random.Generator) -> Search:
-    if table.search == "es":
-        return EvolutionStrategy(
-            point, rng=rng, mu=table.mu, children=table.children, rho=table.rho, steps=steps
-        )
-    return SEARCHES[table.search].begin(Start(len(point), rng, table.children, point, steps=steps))

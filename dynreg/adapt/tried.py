@@ -64,6 +64,10 @@ class Rules:
             _refuse(f"difference = {self.difference!r}", f"one of {list(DIFFERENCES)}")
         if self.search not in SEARCHES:
             _refuse(f"search = {self.search!r}", f"one of {list(SEARCHES)}")
+        try:
+            SEARCHES[self.search].require(self.gaits)
+        except UsageError as error:
+            _refuse(f"search = {self.search!r} with gaits = {self.gaits}: {error.problem}", error.expected)
         for name in ("goal", "hope"):
             score = getattr(self, name)
             if score is not None and not math.isfinite(score):

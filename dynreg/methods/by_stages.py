@@ -21,9 +21,10 @@ class Staged:
         episode = [data.recording.episodes[i].name for i in data.windows.episode]
         stages = resolved(evidence.plan, space.names, ~np.isnan(data.known), episode, data.parts.chosen)
         generations = within(stages, limits.simulations)
+        losses = [loss_of(stage, data, replayer) for stage in stages]
         found = staged(
             stages,
-            lambda stage: loss_of(stage, data, replayer),
+            losses,
             question.begin,
             lambda name: stream(limits.seed, "staged", data.robot.name, name),
             fitted=question.fitted,
@@ -37,17 +38,21 @@ class Staged:
                 stage.table.name,
                 data.values_of(one.unit),
                 number - 1 if number else None,
-                tuple(dict.fromkeys(episode[w] for w in stage.windows)),
+                tuple(dict.fromkeys(episode[w] for w in loss.windows)),
                 one.first,
                 one.last,
                 history=one.history,
             )
-            for number, (stage, one) in enumerate(zip(stages, found, strict=True))
+            for number, (stage, loss, one) in enumerate(zip(stages, losses, found, strict=True))
         )
+        whole = generations == [s.table.generations for s in stages]
+        early = next((one.ended for one in found if one.ended == "converged"), None)
         return Answer(
             versions,
-            "plan" if generations == [s.table.generations for s in stages] else "budget",
+            early or ("plan" if whole else "budget"),
             sum(one.evaluations for one in found),
-            sum(one.evaluations * len(s.windows) * window for s, one in zip(stages, found, strict=True)),
+            sum(
+                one.evaluations * len(loss.windows) * window for loss, one in zip(losses, found, strict=True)
+            ),
             resumed=sum(one.resumed for one in found),
         )

@@ -24,64 +24,79 @@ def loss_of(stage: Stage, data: Data, replayer: Replayer) -> Loss:
 
     Raises UsageError for a loss that the robot's channels do not tell, and where no window is left.
     """
-    table, rows = stage.table, _rows(stage, data)
-    windows = _measured(stage, data, rows)
-    measured = data.windows.measured[windows]
+    return {"replay": _replayed, "joint": _joint, "velocity": _velocity}[stage.table.loss](
+        stage, data, replayer
+    )
+
+
+def _replayed(stage: Stage, data: Data, replayer: Replayer) -> Loss:
+    rows = _rows(stage, data)
+    measured = data.windows.measured[stage.windows, rows:][..., data.windows.weight > 0]
+    windows = _told(stage, data, np.isfinite(measured).any(axis=(1, 2)))
 
     def replayed(unit: np.ndarray) -> np.ndarray:
         residual = replayer.residuals(data.values_of(unit), windows)
         return errors(residual[:, :, rows - 1 :]).mean(axis=1)
 
-    def states(unit: np.ndarray) -> np.ndarray:
-        return replayer.states(data.values_of(unit), windows)
+    return Loss(replayed, MOST, windows)
 
-    if table.loss == "replay":
-        return Loss(replayed, MOST)
-    if table.loss == "joint":
-        own = _joints(data, stage)
-        reach = round(table.shift / data.windows.period)
-        return Loss(
-            lambda unit: joint_loss(states(unit)[..., own], measured[..., own], rows, reach), np.pi**2
-        )
+
+def _joint(stage: Stage, data: Data, replayer: Replayer) -> Loss:
+    rows, own = _rows(stage, data), _joints(data, stage)
+    reach = round(stage.table.shift / data.windows.period)
+    counted = data.windows.measured[stage.windows][:, rows + reach :, own]
+    counted = counted[:, : counted.shape[1] - reach]
+    windows = _told(stage, data, np.isfinite(counted).any(axis=(1, 2)))
+    measured = data.windows.measured[windows][..., own]
+
+    def joint(unit: np.ndarray) -> np.ndarray:
+        states = replayer.states(data.values_of(unit), windows)
+        return joint_loss(states[..., own], measured, rows, reach)
+
+    return Loss(joint, np.pi**2, windows)
+
+
+def _velocity(stage: Stage, data: Data, replayer: Replayer) -> Loss:
+    rows, weight = _rows(stage, data), np.array([1.0, 1.0, stage.table.rotation])
     try:
         velocities = mean_velocities(data)
     except UsageError as error:
         raise _untold(stage, data, error.problem, "'replay' or 'joint'") from None
-    weight, of_log = np.array([1.0, 1.0, table.rotation]), velocities(measured[:, rows:])
+    every = velocities(data.windows.measured[stage.windows, rows:])
+    there = np.isfinite(every).all(axis=-1)
+    windows, of_log = _told(stage, data, there), every[there]
+    known = np.isfinite(data.windows.measured[windows, rows:])
 
     def velocity(unit: np.ndarray) -> np.ndarray:
-        simulated = states(unit)[:, :, rows:]
-        # of a log that ends with a fall, both count until then
-        over = ~np.isfinite(measured[:, rows:]).any(axis=-1)
-        diverged = (~np.isfinite(simulated).all(axis=-1) & ~over).any(axis=-1)
-        apart = velocities(np.where(over[..., None], np.nan, simulated)) - of_log
+        simulated = replayer.states(data.values_of(unit), windows)[:, :, rows:]
+        # what was not measured counts in neither: a camera may be slow, and a log may end with a fall
+        diverged = (~np.isfinite(simulated).all(axis=-1) & known.any(axis=-1)).any(axis=-1)
+        apart = velocities(np.where(known, simulated, np.nan)) - of_log
         squared = np.minimum(np.nan_to_num(((weight * apart) ** 2).sum(axis=-1), nan=np.inf), FASTEST**2)
         return np.where(diverged, FASTEST**2, squared).mean(axis=1)
 
-    return Loss(velocity, FASTEST**2)
+    return Loss(velocity, FASTEST**2, windows)
 
 
 def joint_loss(simulated: np.ndarray, measured: np.ndarray, skip: int, reach: int) -> np.ndarray:
     """(n,) mean squares [rad^2] of joint angles (n, W, T, J) less measured ones (W, T, J), from row `skip` on.
 
     The log may be up to `reach` rows later or earlier than the simulation: of each simulator the best counts, one for
-    all windows (paper E). A row counts at most pi^2, and so does each of a simulation that diverged.
+    all windows (paper E). The same rows of the log count for every shift. A row counts at most pi^2, and so does each
+    of a simulation that diverged.
     """
     first, last = skip + reach, simulated.shape[2] - reach
-    out = []
+    known, out = np.isfinite(measured[:, first:last]), []
     for late in range(-reach, reach + 1):
         with np.errstate(invalid="ignore", over="ignore"):
-            apart = simulated[:, :, first:last] - measured[:, first + late : last + late]
-        known = np.isfinite(measured[:, first + late : last + late])
+            apart = simulated[:, :, first - late : last - late] - measured[:, first:last]
         squared = np.where(np.isfinite(apart), np.minimum(apart**2, np.pi**2), np.pi**2)
-        out.append((squared * known).sum(axis=(1, 2, 3)) / max(known.sum(), 1))
+        out.append(np.where(known, squared, 0.0).sum(axis=(1, 2, 3)) / known.sum())
     return np.min(out, axis=0)
 
 
-def _measured(stage: Stage, data: Data, rows: int) -> np.ndarray:
-    """Numbers of the stage's windows with a measured state from row `rows` on: a log may end before, as by a fall."""
-    scored = data.windows.weight > 0
-    there = np.isfinite(data.windows.measured[stage.windows, rows:][..., scored]).any(axis=(1, 2))
+def _told(stage: Stage, data: Data, there: np.ndarray) -> np.ndarray:
+    """Numbers of the stage's windows in which something counts (W',): a log may end before, as by a fall."""
     if not there.any():
         name = data.recording.episodes[data.windows.episode[stage.windows[0]]].name
         raise UsageError(
@@ -126,6 +141,8 @@ def _untold(stage: Stage, data: Data, lack: str, other: str) -> UsageError:
 def mean_velocities(data: Data) -> Callable[[np.ndarray], np.ndarray]:
     """(..., 3) mean velocity ahead, to the left [m/s] and yaw rate [rad/s] of states (..., T, S).
 
+    A pose needs two measured rows to tell any. What is not measured is NaN, and so is a mean of nothing.
+
     Raises UsageError for a robot whose channels tell none.
     """
     robot, period = data.robot, data.windows.period
@@ -140,14 +157,27 @@ def mean_velocities(data: Data) -> Callable[[np.ndarray], np.ndarray]:
             do="add them to robot.toml",
         )
     own = np.array([found[0] for found in columns])
-    return lambda states: np.nanmean(states[..., own], axis=-2)
+
+    def means(states: np.ndarray) -> np.ndarray:
+        speeds = states[..., own]
+        known = np.isfinite(speeds)
+        with np.errstate(invalid="ignore"):
+            return np.where(known, speeds, 0.0).sum(axis=-2) / known.sum(axis=-2)
+
+    return means
 
 
 def _from_poses(pose: np.ndarray, period: float) -> np.ndarray:
-    """(..., 3) of poses (..., T, 3): the mean of steps, each turned to the heading in which it begins."""
-    step = np.diff(pose, axis=-2)
-    heading = pose[..., :-1, 2]
+    """(..., 3) of poses (..., T, 3): steps from one measured pose to the next, each turned to the heading before it."""
+    known = np.isfinite(pose).all(axis=-1)
+    last = np.maximum.accumulate(np.where(known, np.arange(pose.shape[-2]), -1), axis=-1)
+    before = np.concatenate([np.full_like(last[..., :1], -1), last[..., :-1]], axis=-1)
+    stepped = known & (before >= 0)
+    then = np.take_along_axis(pose, np.maximum(before, 0)[..., None], axis=-2)
+    step, heading = np.where(stepped[..., None], pose - then, 0.0), np.where(stepped, then[..., 2], 0.0)
     ahead = np.cos(heading) * step[..., 0] + np.sin(heading) * step[..., 1]
     left = np.cos(heading) * step[..., 1] - np.sin(heading) * step[..., 0]
     turn = np.arctan2(np.sin(step[..., 2]), np.cos(step[..., 2]))
-    return np.nanmean(np.stack([ahead, left, turn], axis=-1), axis=-2) / period
+    rows = np.where(stepped, np.arange(pose.shape[-2]) - before, 0).sum(axis=-1)
+    with np.errstate(invalid="ignore"):
+        return np.stack([ahead, left, turn], axis=-1).sum(axis=-2) / (rows * period)[..., None]

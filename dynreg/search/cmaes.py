@@ -2,10 +2,11 @@
 
 import numpy as np
 
+from dynreg.errors import UsageError
 from dynreg.search.start import Start
 from dynreg.search.turns import Turns
 
-SIGMA = 0.12  # first step, of the range
+SIGMA = 0.12  # first step, of the range: our choice
 
 
 class CmaEs(Turns):
@@ -16,6 +17,7 @@ class CmaEs(Turns):
     start : (P,) where to begin. rng : of all draws. sigma : first step size in the unit cube. batch : candidates of one
     ask. periodic : (P,) dimensions that run round: they have no bounds, and what is asked lies in [0, 1) all the same.
     steps : (P,) first step sizes that differ, in place of sigma; none counts as more than a third of the range.
+    Raises UsageError for a batch of one.
     """
 
     def __init__(
@@ -36,6 +38,8 @@ class CmaEs(Turns):
         # no draw comes from numpy's global generator
         options |= {"seed": np.nan, "randn": lambda *shape: rng.standard_normal(shape)}
         if batch is not None:
+            if batch < 2:
+                raise UsageError(f"{batch} candidates of one ask", expected="2 or more", do="correct it")
             options["popsize"] = batch
         if steps is not None:
             options["CMA_stds"] = np.minimum(steps, 1.0 / 3.0) / sigma

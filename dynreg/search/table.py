@@ -29,9 +29,16 @@ class Kind:
     from_one: bool = False
 
     def begin(self, start: "Start") -> "Search":
-        """The search, about to ask for its first candidates."""
+        """The search, about to ask for its first candidates. Raises UsageError for a batch that it refuses."""
         module, _, function = self.where.partition(":")
         return getattr(import_module(f"dynreg.search.{module}"), function)(start)
+
+    def require(self, batch: int) -> None:
+        """UsageError where the search refuses so many candidates of one ask; before time is spent on anything."""
+        from dynreg.rng import stream
+        from dynreg.search.start import Start
+
+        self.begin(Start(2, stream(0, "any"), batch))
 
 
 FORMER: Mapping[str, str] = MappingProxyType({"cmaes": "cma", "genetic": "ga"})

@@ -75,6 +75,20 @@ def test_a_stage_whose_recordings_are_all_held_out_is_refused() -> None:
             "plan.toml, line 4: stage 'a': rho 2, mu 30, children 25",
         ),
         ('name = "a"\nparameters = []', "parameters"),
+        (
+            'name = "a"\nparameters = ["x"]\nsearch = "ga"',
+            "plan.toml, line 4: stage 'a': search 'ga', population 25.*even population",
+        ),
+        ('name = "a"\nparameters = ["x"]\nshift = 0.1', "line 4: .*shift = 0.1, which means nothing to loss"),
+        (
+            'name = "a"\nparameters = ["x"]\nloss = "joint"\nrotation = 0.1',
+            "line 5: .*rotation = 0.1, which means nothing to loss 'joint'; expected it with loss 'velocity'",
+        ),
+        (
+            'name = "a"\nparameters = ["x"]\nsearch = "cma"\nmu = 3',
+            "line 5: .*mu = 3, which means nothing to search 'cma'",
+        ),
+        ('name = "a"\nparameters = ["x"]\nsearch = "hill"\ncarry = 0.1', "line 5: .*'es' or 'cma'"),
         ('name = "a"', "parameters"),
     ],
 )

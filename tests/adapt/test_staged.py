@@ -18,19 +18,17 @@ def stage(name: str, parameters: list[int], **told) -> Stage:
     return Stage(table, np.array(parameters), np.arange(1))
 
 
-def bowl(asked: list[np.ndarray]):
-    def loss(of: Stage) -> Loss:
-        def squares(unit: np.ndarray) -> np.ndarray:
-            asked.append(unit)
-            return ((unit - TRUTH)[:, of.parameters] ** 2).sum(axis=1)
+def bowl(asked: list[np.ndarray], of: Stage) -> Loss:
+    def squares(unit: np.ndarray) -> np.ndarray:
+        asked.append(unit)
+        return ((unit - TRUTH)[:, of.parameters] ** 2).sum(axis=1)
 
-        return Loss(squares, 4.0)
-
-    return loss
+    return Loss(squares, 4.0, of.windows)
 
 
 def fit(stages: list[Stage], asked: list[np.ndarray] | None = None, **told):
-    return staged(stages, bowl([] if asked is None else asked), START, lambda name: stream(3, name), **told)
+    losses = [bowl([] if asked is None else asked, one) for one in stages]
+    return staged(stages, losses, START, lambda name: stream(3, name), **told)
 
 
 def test_each_stage_moves_its_own_parameters_and_begins_where_the_last_one_ended() -> None:

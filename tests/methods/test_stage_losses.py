@@ -10,6 +10,7 @@ from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.errors import UsageError
 from dynreg.methods.losses import FASTEST, joint_loss, loss_of
 from dynreg.replay.data import Data, data
+from dynreg.replay.velocity import pose_columns
 from dynreg.replay.windows import Replayer
 from dynreg.rng import stream
 from dynreg.sim.engines import rollout
@@ -31,7 +32,7 @@ def test_a_log_that_is_late_by_less_than_the_shift_costs_nothing(late: int) -> N
 
 def test_beyond_the_shift_it_costs_what_is_left() -> None:
     (found,) = joint_loss(wave()[None], wave(8), 10, 5)
-    left = wave()[0, 15:195, 0] - wave(3)[0, 15:195, 0]
+    left = wave(5)[0, 15:195, 0] - wave(8)[0, 15:195, 0]
     assert found == pytest.approx(float(np.mean(left**2)), rel=1e-9)
 
 
@@ -40,6 +41,13 @@ def test_each_simulator_has_its_own_shift_and_what_was_not_measured_does_not_cou
     measured[:, 100:] = np.nan
     both = np.stack([wave(), wave(4)])
     np.testing.assert_allclose(joint_loss(both, measured, 1, 3), 0.0, atol=1e-20)
+
+
+def test_no_shift_moves_what_was_measured_out_of_what_counts() -> None:
+    measured = np.zeros((1, 40, 1))
+    measured[:, 17:] = np.nan
+    steady = np.full((2, 1, 40, 1), [[[[1.0]]], [[[2.0]]]])
+    np.testing.assert_allclose(joint_loss(steady, measured, 1, 10), [1.0, 4.0])
 
 
 def test_a_simulation_that_diverged_is_the_worst() -> None:
@@ -105,3 +113,26 @@ def test_a_log_that_ends_before_what_is_skipped_does_not_count(loss: str) -> Non
     measured[cut.parts.chosen, 20:] = np.nan
     with pytest.raises(UsageError, match="nothing was measured behind skip = 0.3 s"):
         of(short, loss, skip=0.3)
+
+
+@pytest.mark.parametrize("every", [2, 5])
+def test_the_velocity_of_a_slow_camera_is_told_from_pose_to_pose(every: int) -> None:
+    cut = recorded(load_robot("diffdrive"))
+    measured, pose = cut.windows.measured.copy(), pose_columns(cut.robot)
+    rows = np.arange(measured.shape[1]) % every != 1
+    measured[:, rows[:, None] & np.isin(np.arange(measured.shape[2]), pose)] = np.nan
+    slow = replace(cut, windows=replace(cut.windows, measured=measured))
+    points = stream(2, "losses").uniform(size=(6, len(cut.robot.space)))
+    points = np.concatenate([cut.robot.space.to_unit(cut.start)[None], points])
+    seen, whole = of(slow, "velocity").of(points), of(cut, "velocity").of(points)
+    assert seen[0] < 1e-6 * seen[1:].min() and (seen < FASTEST**2).all()
+    np.testing.assert_allclose(seen[1:], whole[1:], rtol=0.25)
+
+
+def test_windows_with_one_pose_tell_no_velocity() -> None:
+    cut = recorded(load_robot("diffdrive"))
+    measured = cut.windows.measured.copy()
+    measured[:, 2:] = np.nan
+    once = replace(cut, windows=replace(cut.windows, measured=measured))
+    with pytest.raises(UsageError, match="nothing was measured"):
+        of(once, "velocity")
