@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from dynreg.data.recording import Recording
     from dynreg.datasets.dataset import Dataset
     from dynreg.distance.population import Training
-    from dynreg.methods.scored import Played
+    from dynreg.methods.scored import Player
     from dynreg.models.dynamics import DynamicsModel
     from dynreg.registry import Registry
     from dynreg.results.calibration import Calibration
@@ -63,7 +63,7 @@ if TYPE_CHECKING:
 
 DEFAULT = "dynreg-registry"
 
-_CALIBRATE = Verb(calibrate, CalibrateSettings, "recording", several=True)
+_CALIBRATE = Verb(calibrate, CalibrateSettings, "recording", several=True, keeps=True)
 
 
 def open(path: str | Path | None = None, *, create: bool = True) -> "Session":
@@ -179,7 +179,7 @@ class Session:
         *,
         robot: "str | Path | Robot | None" = None,
         log_map: str | Path | None = None,
-        robot_door: "str | Path | RealRobot | Played | None" = None,
+        robot_door: "str | Path | RealRobot | Player | None" = None,
         gait: "str | Path | Mapping[str, float] | None" = None,
         rules: "Rules | None" = None,
         say: Callable[[str], None] = print,

@@ -37,7 +37,7 @@ from dynreg.search.start import Start
 from dynreg.search.table import SEARCHES
 
 NEAR = 0.99 * grid(BYTE)  # of the range: two codes of step 1 are farther apart
-BESIDE = 0.05  # of the range, 1 sigma, between a simulator and those beside it
+BESIDE = 0.05  # of the range, 1 sigma, between a simulator and those beside it: our choice
 FEWEST = 2  # gaits that stood on the robot, with which a simulator can be adapted
 
 
@@ -143,7 +143,7 @@ class _Run:
             journal=self.journal(f"gaits {number}", near, begun),
             progress=lambda done, total: self.world.progress(f"gaits {number}", done, total),
         )
-        self.resumed += found.resumed
+        self.resumed += found.resumed * len(near)
         out = [(gait, None) for gait in known] if number == 1 else []
         rounds = search.rounds()
         if rules.search != ROULETTE:  # others have no generations

@@ -37,11 +37,12 @@ class Version:
 class Answer:
     """What a method answers: its versions in the order in which they were made, of which the last is the answer.
 
-    ended : why it ended. rollouts : simulators run. simulated : seconds of them; None where nobody counted them.
-    evaluations : distances. resumed : simulators that an interrupted run had left. intervals : {parameter: (low, high)}
-    of 90 %, of a method that tells any. causes : keys of the effects that it names; None of a method that looks for
-    none. saw : names of what is held out that the method saw all the same. tried : of a method that tries gaits on the
-    robot, all of them. best : the one of them that it answers with; see `adapt.tried.best_of`. gait : (G,) its genes.
+    ended : why it ended. rollouts : simulators run, those of an interrupted run too. simulated : seconds of them; None
+    where nobody counted them. evaluations : distances. resumed : of the rollouts, those that an interrupted run had
+    left. intervals : {parameter: (low, high)} of 90 %, of a method that tells any. causes : keys of the effects that it
+    names; None of a method that looks for none. saw : names of what is held out that the method saw all the same.
+    tried : of a method that tries gaits on the robot, all of them. best : the one of them that it answers with; see
+    `adapt.tried.best_of`. gait : (G,) its genes.
     """
 
     versions: tuple[Version, ...]

@@ -18,6 +18,11 @@ from dynreg.sim.robot import Robot
 from dynreg.sim.run import Walk, motor_noise
 
 
+def rows_of(robot: Robot, task: Task) -> int:
+    """Commands of one trial."""
+    return max(round(task.seconds * robot.rate), 1)
+
+
 class Played:
     """Gaits in the unit cube, run in simulators in the unit cube; counts the runs.
 
@@ -27,7 +32,7 @@ class Played:
     def __init__(self, robot: Robot, task: Task, seed: int = 0, threads: int = 0):
         self.space, self.rollouts = gait_space(robot, task.motion), 0
         self._robot, self._task, self._threads = robot, task, threads
-        self.times = np.arange(max(round(task.seconds * robot.rate), 1)) / robot.rate
+        self.times = np.arange(rows_of(robot, task)) / robot.rate
         self._noise = motor_noise(np.array([seed]), 1, len(self.times), len(robot.actions))
         self._last: tuple[bytes, Trials] | None = None
 
@@ -99,8 +104,8 @@ class ByReality:
         return Answer(
             tuple(_version(robot, one) for one in found.versions),
             found.ended,
-            played.rollouts,
-            played.rollouts * whole,
+            played.rollouts + found.resumed,
+            (played.rollouts + found.resumed) * whole,
             resumed=found.resumed,
             tried=found.tried,
             best=found.best,

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from dynreg.methods.scored import Trying
 
 
+ROUNDED = 1e-9  # of a range: more than any rounding, and less than any search moves
+
+
 @dataclass(frozen=True, eq=False)
 class Question:
     """A robot's recording, cut and parted, and where to begin.
@@ -41,8 +44,11 @@ class Question:
     @property
     def fitted(self) -> np.ndarray:
         """(P,) which parameters something has fitted before: those that do not begin at their nominal value."""
-        nominal = self.data.robot.space.nominal
-        return np.zeros(len(nominal), dtype=bool) if self.start is None else self.start != nominal
+        space = self.data.robot.space
+        if self.start is None:
+            return np.zeros(len(space), dtype=bool)
+        # a value that went through the unit cube and back is rounded
+        return ~np.isclose(space.to_unit(self.start), space.to_unit(space.nominal), rtol=0.0, atol=ROUNDED)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +69,8 @@ class Evidence:
 class Limits:
     """What a method may spend, and how it runs.
 
-    simulations : simulators at most, each through all windows that are not held out; None for the method's own number.
+    simulations : simulators at most, each through all windows that are not held out, beside those by which registered
+    ones are ranked; None for the method's own number.
     seed : of all draws. threads : 0 for all cores. journal : of a search, by its name, so that it can go on.
     """
 

@@ -14,6 +14,7 @@ from dynreg.timed.table import DisplacementTable
 GAIN, DIFFERENCE, MOST = WheelGain.id, WheelGain.parameters[0].name, WheelGain.parameters[0].most
 # what a gain of both wheels, and one of turns, is called in robot.toml
 SETS = ("base.wheel_radius", "base.track")
+# Our choices:
 STEP = 0.01  # of a coordinate, for slopes
 SMALL = 1e-3  # a step of no coordinate is longer: it is there
 ROUNDS = 6  # of Gauss and Newton at most

@@ -17,8 +17,8 @@ from dynreg.gait.tasks import Task, fitness
 from dynreg.sim.real import Door, RealRobot, RealTrial
 from dynreg.sim.robot import Robot
 
-Played = Callable[[np.ndarray, float, str], Recording | float | str | None]
-FELL = "fell"  # what a function may return for a fall, beside None
+Player = Callable[[np.ndarray, float, str], Recording | float | str | None]
+FELL = "fell"  # what a function may return for a fall, beside None, and what the file of a score says
 
 
 @dataclass
@@ -33,7 +33,7 @@ class ScoredRobot(Door):
 
     robot: Robot
     task: Task
-    real: RealRobot | Played
+    real: RealRobot | Player
 
     def __post_init__(self) -> None:
         if self.task.bodies and isinstance(self.real, RealRobot) and not self.real.tracks:
@@ -74,7 +74,7 @@ class ScoredRobot(Door):
         try:
             found = play(actions, rate, trial_name(begun.number))
             trial = trial_of(self.robot, found, actions, rate) if isinstance(found, Recording) else found
-            score = _score(self.task, trial)
+            score = score_of(self.task, trial)
         except BaseException:
             self.spend(begun.seconds)
             raise
@@ -94,8 +94,8 @@ class ScoredRobot(Door):
             self.real.spend(outcome.seconds, falls=int(outcome.fell))
 
 
-def _score(task: Task, trial: Any) -> float | None:
-    """In the task's unit, None for a fall; LogError where it is not told."""
+def score_of(task: Task, trial: Any) -> float | None:
+    """The score that a trial tells, in the task's unit, None for a fall; LogError where it tells none."""
     if isinstance(trial, RealTrial):
         score = None if trial.fell else float(fitness(task.grade(trial.walk))[0, 0])
     elif trial is None or (isinstance(trial, str) and trial.strip().lower() == FELL):

@@ -47,7 +47,7 @@ class Kind:
 
 
 SEARCHED = "by_search:BySearch"
-USUAL = 600  # simulations of a search
+USUAL = 600  # simulations of a search: our choice
 _ABOUT = {
     "cma": "the usual choice among searches",
     "hill": "the hill climber of paper D, for a start that is nearly right",

@@ -292,9 +292,10 @@ class Registry:
         recording_id = self._id(recording_ref, "recording") if recording_ref else None
         return documents.latest_result(self.directory, kind, recording_id)
 
-    def results_about(self, kind: str | None, recording_ref: str) -> tuple[str, ...]:
-        """Ids of the results of a kind (None for all) about a recording, that stored last first."""
-        return documents.results_about(self.directory, kind, self._id(recording_ref, "recording"))
+    def results_about(self, kind: str | None, recording_ref: str | None) -> tuple[str, ...]:
+        """Ids of the results of a kind (None for all) about a recording (None for none), that stored last first."""
+        recording_id = self._id(recording_ref, "recording") if recording_ref else ""
+        return documents.results_about(self.directory, kind, recording_id)
 
     def put_index(
         self, ref: str, key: str, arrays: Mapping[str, np.ndarray], entries: Sequence[str] | None = None

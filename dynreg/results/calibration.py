@@ -75,9 +75,10 @@ class OnRobot(Result):
     """What a method that tries gaits on the robot did there.
 
     task, unit : what the scores are of. seconds : of one trial. tried : all gaits, in turn. best : number, from 1, of
-    that with the highest mean score. gait : its genes. document : id of the stored gait, which `dynreg export` writes.
-    difference : of simulated and real scores, as versions tell it before and after: "absolute" the mean absolute one,
-    "signed" the mean one, both in `unit`, or "rank" 1 - their rank correlation, which has no unit.
+    that with the highest mean score of those with enough trials. gait : its genes. document : id of the stored gait,
+    which `dynreg export` writes. difference : of simulated and real scores, as versions tell it before and after:
+    "absolute" the mean absolute one, "signed" the mean one, both in `unit`, or "rank" 1 - their rank correlation, which
+    has no unit.
     """
 
     task: str
@@ -97,8 +98,8 @@ class OnRobot(Result):
 class CalibrationCost(Cost):
     """What a calibration cost.
 
-    resumed : simulators that an interrupted run had left. simulated_seconds : of all simulators that were run; null of
-    a diagnosis, which does not count them. core_seconds : processor time of this run. trials, trial_seconds, falls : on
+    resumed : of `rollouts`, those that an interrupted run had left. simulated_seconds : of all rollouts; null of a
+    diagnosis, which does not count them. core_seconds : processor time of this run. trials, trial_seconds, falls : on
     the robot, those of an interrupted run included. discarded : of the trials, those of gaits that fell.
     """
 
@@ -118,10 +119,10 @@ class Calibration(Result):
     that `simulator` has; null of a method that looks for none. Errors are replay errors, 1 as large as the motion, on
     the recording without its held-out part and on that part (null without one). parts : episodes of the fit, select and
     test part; null in results of version 1. ended : why the method ended: "budget", "converged", "nothing to fit",
-    "episodes", "plan" where all generations of one were run, "iterations", "goal" where a task was met, what budget of
-    trials is spent, or the verdict of a diagnosis. population : id of the one that was searched. question : hash of the
-    recording, the robot, the method, its settings and the versions of dynreg and MuJoCo, by which a finished one is
-    found again; null in older documents.
+    "episodes", "plan" where all generations of every stage were run, "iterations", "goal" where a task was met, what
+    budget of trials is spent, or the verdict of a diagnosis. population : id of the one that was searched. question :
+    hash of the recording, the robot, the method, its settings and the versions of dynreg and MuJoCo, by which a
+    finished one is found again; null in older documents.
     """
 
     schema_: Literal["dynreg/calibration/2"] = Field(default="dynreg/calibration/2", alias="schema")

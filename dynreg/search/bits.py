@@ -17,7 +17,7 @@ BITS = 10  # of a number, usually
 BYTE = 8  # of a number, in paper B
 USUAL = Tournament()
 LIST = 6  # values of a locus at most
-CROSSOVER = 0.7  # of the plain one's children have two parents
+CROSSOVER = 0.7  # of the plain one's children have two parents: our choice
 CHANCES = (0.3, 0.3, 0.6, 0.3, 0.3)  # of connection, division, duplication, deletion, inversion
 
 

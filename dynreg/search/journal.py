@@ -63,7 +63,7 @@ class Journal:
             raise CorruptError(
                 f"{str(self.path)!r} does not belong to this search: step {self._next} asked something else",
                 expected="a journal written by these versions of dynreg and its libraries",
-                do="begin anew without --resume",
+                do="begin anew without --resume, or with another --seed",
             )
         return grades
 
@@ -101,6 +101,13 @@ class Journal:
                 do="delete that line and all behind it to go on from there, or begin anew without --resume",
             )
         return steps
+
+
+def head(path: Path) -> dict[str, Any] | None:
+    """What makes the journal at `path` its search; None where its first line does not tell."""
+    with open(path, "rb") as file:
+        told = (_checked(file.readline()) or {}).get("search")
+    return told if isinstance(told, dict) else None
 
 
 def damage(path: Path) -> str:

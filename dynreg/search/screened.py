@@ -11,8 +11,9 @@ from dynreg.search.start import Start
 from dynreg.search.table import Kind
 from dynreg.search.turns import may_ask, may_tell
 
-AROUND = 0.25  # of the range, 1 sigma, of draws about a start
-APART = 0.15  # of the range in some dimension, from which on two starts are different ones
+# Our choices, of the range:
+AROUND = 0.25  # 1 sigma of draws about a start
+APART = 0.15  # in some dimension, from which on two starts are different ones
 
 
 def around(

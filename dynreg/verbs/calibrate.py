@@ -2,6 +2,7 @@
 
 import time
 import warnings
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +17,7 @@ from dynreg.verbs.simulators import NAMES, NOMINAL, OLD
 if TYPE_CHECKING:
     from dynreg.distance.population import Population
     from dynreg.methods.calibrator import Evidence, Limits, Question
+    from dynreg.registry import Registry
     from dynreg.results.calibration import Calibration
     from dynreg.sim.robot import Robot
     from dynreg.verbs.journals import Journals
@@ -42,7 +44,10 @@ class CalibrateSettings(Settings):
     method: str = option("cma", "How the simulator is found.", choices=tuple(METHODS), old=FORMER)
     seed: int = seed()
     budget: int | None = option(
-        None, "Most simulations.", usual="600 of a search, else its own number", least=1
+        None,
+        "Most simulations; those by which `nearest` and `synthesis` rank entries come on top.",
+        usual="600 of a search, else its own number",
+        least=1,
     )
     hold_out: str | None = hold_out()
     start: str = option(
@@ -152,32 +157,54 @@ def calibrate(
 
     Example: dynreg calibrate monday --method cma --hold-out kp=400
     """
-    from dynreg.methods.judged import replay_errors
-    from dynreg.results.calibration import CalibrationCost
-    from dynreg.sim.config import SimConfig
-    from dynreg.verbs.calibration import document, origin_of, register
-    from dynreg.verbs.calibration_start import begun_with, shaped_by, tell_seen
+    from dynreg.verbs.accepted import accept
+    from dynreg.verbs.calibration_start import begun_with
 
-    began, worked = time.perf_counter(), time.process_time()
+    accept(asked.registry, asked.robot)  # before time is spent on a robot that is refused
     _require_wheels(asked.robot, settings)
     population = _population(asked, settings)
     robot = asked.robot if population is None else population.shared.robot
     begin = begun_with(asked.registry, settings.start, robot, asked.recording.id)
-    question, evidence, limits, journals = _posed(asked, settings, robot, begin, population, progress)
-    stages = [stage.name for stage in evidence.plan or ()] or [settings.method]
+    posed, journals = _posed(asked, settings, robot, begin, population, progress)
+    stages = [stage.name for stage in posed[1].plan or ()] or [settings.method]
+    key = journals.key_of()
     if settings.resume and not any(map(journals.begun, stages)):
-        if (ended := _ended(asked, journals.key)) is not None:
+        if (ended := stored_answer(asked.registry, asked.recording.id, key)) is not None:
             return ended
+    resumes = METHODS[settings.method].takes("resume")
+    with journals.held(stages[0]) if resumes else nullcontext():
+        made = _fitted(asked, settings, posed, begin, key)
+        asked.keep(made)
+        journals.end()
+    return made
+
+
+def _fitted(
+    asked: "Recorded",
+    settings: CalibrateSettings,
+    posed: "tuple[Question, Evidence, Limits]",
+    begin: "Simulator | None",
+    key: str,
+) -> "Calibration":
+    """The document of what the method finds, with every simulator on the way registered."""
+    from dynreg.methods.judged import replay_errors
+    from dynreg.results.calibration import CalibrationCost
+    from dynreg.sim.config import SimConfig
+    from dynreg.verbs.calibration import document, origin_of, register
+    from dynreg.verbs.calibration_start import shaped_by, tell_seen
+
+    began, worked = time.perf_counter(), time.process_time()
+    question, evidence, limits = posed
     cut = question.data
     if begin is not None and (seen := shaped_by(asked, begin, cut.named["test"])):
         tell_seen("the start was shaped by", seen)
     found = METHODS[settings.method].made().fit(question, evidence, limits)
     if found.saw:
         tell_seen(f"{settings.method} cuts the recording in its own way, and saw", found.saw)
-    configs = [SimConfig.of(robot, v.values, v.effects) for v in found.versions]
-    errors = replay_errors(cut, [SimConfig.of(robot, cut.start), configs[-1]], settings.threads)
+    configs = [SimConfig.of(cut.robot, v.values, v.effects) for v in found.versions]
+    errors = replay_errors(cut, [SimConfig.of(cut.robot, cut.start), configs[-1]], settings.threads)
+    asked.register()
     ids = register(asked.registry, found, configs, begin and begin.id, origin_of(asked, settings.method))
-    journals.end()
     cost = CalibrationCost(
         evaluations=found.evaluations,
         rollouts=found.rollouts,
@@ -187,16 +214,19 @@ def calibrate(
         simulated_seconds=found.simulated,
         core_seconds=time.process_time() - worked,
     )
-    made = document(asked, settings, question, population, found, ids, errors, cost)
-    return made.model_copy(update={"question": journals.key})
+    made = document(asked, settings, question, evidence.population, found, ids, errors, cost)
+    return made.model_copy(update={"question": key})
 
 
-def _ended(asked: "Recorded", key: str) -> "Calibration | None":
-    """The stored result of the same calibration, which has ended and is told so; None where there is none."""
+def stored_answer(registry: "Registry", recording: str | None, key: str) -> "Calibration | None":
+    """The stored result of the same calibration, which has ended and is told so; None where there is none.
+
+    recording : id of that which it was asked about; None of a robot. key : see `Journals.key_of`.
+    """
     from dynreg.results.calibration import Calibration
     from dynreg.verbs.newest import about
 
-    for record in about(asked.registry, "calibration", asked.recording.id):
+    for record in about(registry, "calibration", recording):
         if record.document.get("question") == key:
             told = (
                 f"this calibration has ended: its result {record.id[:12]} is given, and nothing is computed"
@@ -270,7 +300,7 @@ def _posed(
     begin: "Simulator | None",
     population: "Population | None",
     progress: Progress | None,
-) -> "tuple[Question, Evidence, Limits, Journals]":
+) -> "tuple[tuple[Question, Evidence, Limits], Journals]":
     from dynreg.adapt.plan import read_plan
     from dynreg.methods.calibrator import Evidence, Limits, Question
     from dynreg.replay.data import data
@@ -291,4 +321,4 @@ def _posed(
     posed = Question(cut, values_of(begin, robot), settings.hold_out)
     evidence = Evidence(population, plan, asked.registry)
     limits = Limits(settings.budget, settings.seed, settings.threads, journals.of, progress)
-    return posed, evidence, limits, journals
+    return (posed, evidence, limits), journals

@@ -12,8 +12,9 @@ from dynreg.adapt.tried import Rules
 from dynreg.errors import RobotError, UsageError
 from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import Task, task_of
+from dynreg.methods.by_reality import rows_of
 from dynreg.methods.calibrator import Evidence, Limits, Question
-from dynreg.methods.scored import Played, ScoredRobot, Trying
+from dynreg.methods.scored import Player, ScoredRobot, Trying
 from dynreg.methods.table import METHODS
 from dynreg.progress import Progress
 from dynreg.registry import Registry
@@ -22,7 +23,7 @@ from dynreg.sim.config import SimConfig
 from dynreg.sim.real import Budget, RealRobot
 from dynreg.sim.robot import Robot
 from dynreg.verbs.best_gait import best_gait
-from dynreg.verbs.calibrate import TRIALS, unfit
+from dynreg.verbs.calibrate import TRIALS, stored_answer, unfit
 from dynreg.verbs.calibration import register
 from dynreg.verbs.calibration_start import begun_with, values_of
 from dynreg.verbs.gaits import gait_of, genes_of
@@ -45,7 +46,7 @@ def calibrate_by_trials(
     settings: "CalibrateSettings",
     progress: Progress | None = None,
     *,
-    robot_door: str | Path | RealRobot | Played | None,
+    robot_door: str | Path | RealRobot | Player | None,
     gait: str | Path | Mapping[str, float] | None = None,
     rules: Rules | None = None,
     log_map: str | Path | None = None,
@@ -64,11 +65,16 @@ def calibrate_by_trials(
     task = _task(asked.robot, settings)  # a mistake here, or in gait and start, makes no folder
     rules = rules or Rules()
     rules = rules if settings.goal is None else replace(rules, goal=settings.goal)
+    _require_enough(asked.robot, task, settings, rules)
     gaits = _gaits(registry, asked.robot, task, gait)
     begin = begun_with(registry, settings.start, asked.robot)
+    journals = _journals(asked, settings, task, begin and begin.id, gaits, rules, place_of(robot_door))
+    key = journals.key_of(trials=settings.trials, seconds=settings.seconds, falls=settings.falls)
+    if settings.resume and not journals.begun(KEPT):
+        if (ended := stored_answer(registry, None, key)) is not None:
+            return ended
     played = door_of(robot_door, registry, asked.robot, task, settings, log_map, say, rules.goal)
     door = ScoredRobot(asked.robot, task, played, budget=_budget(settings))
-    journals = _journals(asked, settings, task, begin and begin.id, gaits, rules, place_of(robot_door))
     left = _left(journals, door)
     trying = Trying(door, gaits, rules, goes_on=left is not None)
     limits = Limits(settings.budget, settings.seed, settings.threads, journals.of, progress)
@@ -82,9 +88,23 @@ def calibrate_by_trials(
         stored, gait_made = best_gait(asked, settings, task, found, ids[-1][0])
         cost = cost_of(found, door, gait_made, time.perf_counter() - began, time.process_time() - worked)
         made = document(asked, settings, task, found, ids, cost, stored, rules.difference)
+        made = made.model_copy(update={"question": key})
         registry.put_result(made.schema_name(), None, made.to_dict())
         journals.end()
     return made
+
+
+def _require_enough(robot: Robot, task: Task, settings: "CalibrateSettings", rules: Rules) -> None:
+    """UsageError where the budgets allow no trial or not one generation; before a folder is made."""
+    rules.within(settings.budget)
+    whole = rows_of(robot, task) / robot.rate
+    if settings.seconds is not None and settings.seconds < whole:
+        raise UsageError(
+            f"{settings.seconds:g} s of trials, and one of task {task.name!r} takes {whole:g} s",
+            expected="seconds for one trial at least",
+            do="raise --seconds, or choose a shorter task",
+            setting="seconds",
+        )
 
 
 def _task(robot: Robot, settings: "CalibrateSettings") -> Task:
@@ -153,7 +173,7 @@ def _journals(
         "rules": asdict(rules),
         "trial": place,
     }
-    return Journals(asked.registry, question, how, settings.resume, elsewhere=True)
+    return Journals(asked.registry, question, how, settings.resume, trials=KEPT)
 
 
 def _budget(settings: "CalibrateSettings") -> Budget:

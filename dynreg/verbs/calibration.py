@@ -17,6 +17,7 @@ from dynreg.results.calibration import (
 )
 from dynreg.sim.config import SimConfig
 from dynreg.sim.robot import Robot
+from dynreg.verbs.several import parted
 from dynreg.verbs.subjects import Recorded
 
 if TYPE_CHECKING:
@@ -63,7 +64,9 @@ def document(
     errors: np.ndarray,
     cost: CalibrationCost,
 ) -> Calibration:
-    """The document; ids : see `register`. errors : (2, 2) of what the method began with and of its answer, by part."""
+    """The document; ids : see `register`. errors : (2, 2) of the nominal simulator, with what the recording tells,
+    and of the answer, by part.
+    """
     cut = question.data
     nominal, answer = errors.tolist()
     tested = cut.parts.test.any()
@@ -96,14 +99,18 @@ def versions(
     found: Answer, ids: Sequence[tuple[str, str | None]], asked: Recorded | None = None
 ) -> tuple[CalibrationVersion, ...]:
     """The versions of an answer. ids : see `register`. asked : None where no recording shaped any."""
-    of = {} if asked is None else {one.name: one.recording.id for one in asked.each}
-    whole = None if asked is None else asked.recording.id
+
+    def of(episode: str) -> str | None:
+        if asked is None:
+            return None
+        return (parted(episode, asked.each)[0] if asked.each else asked).recording.id
+
     return tuple(
         CalibrationVersion(
             simulator=simulator,
             stage=version.stage,
             parent=parent,
-            recordings=tuple(dict.fromkeys(of.get(e.split("/")[0], whole) for e in version.episodes)),
+            recordings=tuple(dict.fromkeys(of(e) for e in version.episodes)),
             episodes=version.episodes,
             before=version.before,
             after=version.after,

@@ -3,13 +3,14 @@
 import re
 import warnings
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 
 from dynreg.errors import Assumed, UsageError
 from dynreg.registry import Registry
 from dynreg.sim.robot import Robot
-from dynreg.verbs.simulators import NOMINAL, Simulator, simulator
+from dynreg.verbs.simulators import NOMINAL, Simulator, descent, simulator
 from dynreg.verbs.subjects import Recorded
 
 
@@ -66,9 +67,9 @@ def tell_seen(how: str, names: Sequence[str]) -> None:
 
 
 def _shaping(asked: Recorded, begin: Simulator) -> set[str]:
-    """Episodes that shaped a simulator, by their names in the recording that is asked about."""
-    lineage, out = begin.lineage, set()
-    for one in asked.each or (asked,):
+    """Episodes that shaped a simulator or those that it came from, by their names in the recording asked about."""
+    out, lineages = set(), [one.lineage for one in descent(asked.registry, begin)]
+    for one, lineage in product(asked.each or (asked,), lineages):
         prefix = f"{one.name}/"
         for name in lineage.get("episodes", ()):
             if lineage.get("recording") == one.recording.id:

@@ -12,7 +12,7 @@ from typing import Any
 from dynreg.errors import Assumed, CorruptError, UsageError
 from dynreg.registry import Registry
 from dynreg.registry.files import LOCKS, try_lock
-from dynreg.search.journal import Journal, damage
+from dynreg.search.journal import Journal, damage, head
 from dynreg.verbs.accepted import versions
 
 
@@ -20,25 +20,31 @@ from dynreg.verbs.accepted import versions
 class Journals:
     """The journals of one calibration: what makes it this question, and how it is run.
 
-    Runs with other seeds or budgets have journals of their own, so that none overwrites another's. elsewhere : whether
-    something else than a journal may keep what an interrupted run did, as a folder of trials.
+    Runs with other seeds or budgets have journals of their own, so that none overwrites another's. trials : the stage
+    whose journal is of trials on the robot, which cannot be had again, and which a folder may keep, too; "" where all
+    are of simulations.
     """
 
     registry: Registry
     question: Mapping[str, Any]
     how: Mapping[str, Any]
     resume: bool
-    elsewhere: bool = False
+    trials: str = ""
     paths: list[Path] = field(default_factory=list)
 
-    @property
-    def key(self) -> str:
-        """What this question, how it is run and what runs it are known by: another version may answer otherwise."""
-        return _hash({**self.question, **self.how, "versions": versions()})
+    def key_of(self, **limits: Any) -> str:
+        """What this question, how it is run and what runs it are known by: another version may answer otherwise.
+
+        limits : what it may spend, where an interrupted run may go on with more of it.
+        """
+        return _hash({**self.question, **self.how, **limits, "versions": versions()})
 
     @contextmanager
     def held(self, stage: str) -> Iterator[None]:
         """Keep this stage from other runs of the same calibration for the block; UsageError where one is on it."""
+        if self.registry.read_only:
+            yield
+            return
         with try_lock(self.registry.path / LOCKS / f"{self._path(stage).stem}.lock") as mine:
             if not mine:
                 raise UsageError(
@@ -87,10 +93,30 @@ class Journals:
                 expected=f"the same {', '.join(self.how)}",
                 do="give those, or begin anew without --resume",
             )
-        if first and self.resume and not path.exists() and not self.elsewhere:
+        if first and self.resume and not path.exists() and not self.trials:
             warnings.warn("nothing to go on with: the calibration begins", Assumed, 2)
         self.paths.append(path)
-        return Journal(path, {**self.question, "stage": stage, **self.how}, resume=self.resume)
+        key = {**self.question, "stage": stage, **self.how}
+        if stage == self.trials:
+            return Journal(path, key, resume=self.resume)
+        key["versions"] = versions()
+        return Journal(path, key, resume=self.resume and self._serves(path, stage))
+
+    def _serves(self, path: Path, stage: str) -> bool:
+        """Whether simulations that an interrupted run left serve; where others made them, or none can be read where
+        trials are kept that need not begin anew, it is said that they are run again."""
+        if not path.is_file():
+            return True
+        if self.trials and (why := damage(path)):
+            warnings.warn(f"{str(path)!r}: {why}; the simulations of {stage!r} are run again", Assumed, 3)
+            return False
+        begun = head(path)
+        if begun is None or begun.get("versions") == versions():
+            return True
+        by = ", ".join(f"{name} {version}" for name, version in begun.get("versions", {}).items())
+        told = f"simulations of {stage!r} were run by {by or 'an older version'}: they are run again"
+        warnings.warn(told, Assumed, 3)
+        return False
 
     def _path(self, stage: str) -> Path:
         begins, ends = _hash({**self.question, "stage": stage}), _hash(self.how)

@@ -10,12 +10,13 @@ if TYPE_CHECKING:
     from dynreg.registry import Registry, ResultRecord
 
 
-def about(registry: "Registry", kind: str | None, recording: str) -> "Iterator[ResultRecord]":
-    """The results of a kind (None for all) about a recording (its id), that stored last first.
+def about(registry: "Registry", kind: str | None, recording: str | None) -> "Iterator[ResultRecord]":
+    """The results of a kind (None for all) about a recording (its id, None for no recording), that stored last first.
 
     Damaged ones are left out, which is said.
     """
-    for identity in registry.results_about(kind, recording) if registry.holds(recording) else ():
+    known = recording is None or registry.holds(recording)
+    for identity in registry.results_about(kind, recording) if known else ():
         try:
             yield registry.result(identity)
         except CorruptError as problem:

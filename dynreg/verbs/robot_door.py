@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from dynreg.errors import NoMatchError, RobotError, UsageError
 from dynreg.gait.tasks import Task
-from dynreg.methods.scored import Played
+from dynreg.methods.scored import Player
 from dynreg.registry import Registry
 from dynreg.sim.real import RealRobot
 from dynreg.sim.robot import Robot, packaged_robots
@@ -62,7 +62,7 @@ def door_of(
     log_map: Any,
     say: Callable[[str], None],
     goal: float | None,
-) -> RealRobot | Played:
+) -> RealRobot | Player:
     """The robot as it is tried: itself, a function, or a folder for its trials, which says of which goal they are.
 
     Raises UsageError for anything else, for a map where no log is read from a file, and as `ScoredFolder.begin`.

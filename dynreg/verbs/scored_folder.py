@@ -14,13 +14,13 @@ import numpy as np
 from dynreg.data.recording import Recording
 from dynreg.errors import LogError, MapError, UsageError
 from dynreg.gait.logged import trial_of
-from dynreg.gait.tasks import Task, fitness
+from dynreg.gait.tasks import Task
+from dynreg.methods.scored import FELL, score_of
 from dynreg.verbs.subjects import read_log
 from dynreg.verbs.trial_folder import TrialFolder, state
 from dynreg.verbs.written import write_new
 
 UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-FELL = "fell"  # in the file of a score
 QUESTION = "trials.json"  # what the trials of a folder are of
 NAMED = re.compile(r"(trial_(\d+))(_score\.txt|_log.*|\.csv)")
 GO_ON = "the same command with --resume goes on"
@@ -184,15 +184,7 @@ class ScoredFolder(TrialFolder):
             score = read_score(path, self.task.unit)
             return score, score
         log = read_log(path, self.robot, self.log_map)
-        trial = trial_of(self.robot, log, actions, rate)
-        score = None if trial.fell else float(fitness(self.task.grade(trial.walk))[0, 0])
-        if score is not None and not math.isfinite(score):
-            raise LogError(
-                f"{path.name} does not tell the score of task {self.task.name!r}",
-                expected="a log with all that the task scores, or the score in the file of one",
-                do="measure it by hand",
-            )
-        return log, score
+        return log, score_of(self.task, trial_of(self.robot, log, actions, rate))
 
 
 def read_score(path: Path, unit: str = "") -> float | None:

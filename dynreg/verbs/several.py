@@ -13,6 +13,16 @@ if TYPE_CHECKING:
 NUMBER = "recording"  # the setting that tells which recording an episode is of
 
 
+def parted(name: str, each: "Sequence[Recorded]") -> "tuple[Recorded, str]":
+    """Of which recording an episode of joined ones is, NAME/EPISODE, and its own name there."""
+    return next(
+        (one, episode.name)
+        for one in each
+        for episode in one.recording.episodes
+        if name == f"{one.name}/{episode.name}"
+    )
+
+
 def joined(each: "Sequence[Recorded]") -> "Recorded":
     """All of them as one: the episodes of each, named NAME/EPISODE, over the channels that all have.
 

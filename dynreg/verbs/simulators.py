@@ -119,7 +119,7 @@ def simulator(registry: "Registry", ref: str, robot: "Robot", recording: str | N
         ) from None
     if kind != "result":
         found = stored(registry, kind, identity, robot)
-        return _with_parts(found, _told_by(registry, found, recording), recording)
+        return _with_parts(registry, found, _told_by(registry, found, recording), recording)
     record = registry.result(identity)
     if record.kind not in RECOMMENDED:
         raise _no_simulator(ref, record)
@@ -183,7 +183,18 @@ def fitted_on(registry: "Registry", found: Simulator) -> tuple[Simulator, Docume
     """
     recording = found.lineage.get("recording")
     document = _told_by(registry, found, recording)
-    return _with_parts(found, document, recording), document
+    return _with_parts(registry, found, document, recording), document
+
+
+def descent(registry: "Registry", found: Simulator) -> tuple[Simulator, ...]:
+    """A simulator and those that it came from, as far as they are still kept; itself first."""
+    out = [found]
+    while (parent := out[-1].lineage.get("parent")) is not None:
+        try:
+            out.append(stored(registry, *registry.resolve(parent, ("simulator", "entry")), found.robot))
+        except NoMatchError:
+            break
+    return tuple(out)
 
 
 def own(found: Simulator, robot: "Robot") -> Simulator:
@@ -260,7 +271,7 @@ def _told(
         raise _no_simulator(word, record)
     found = stored(registry, *registry.resolve(identity, ("simulator", "entry")), robot)
     document = record.document if record.recording_id == recording else _told_by(registry, found, recording)
-    return replace(_with_parts(found, document, recording), source=record.id)
+    return replace(_with_parts(registry, found, document, recording), source=record.id)
 
 
 def stored(registry: "Registry", kind: str, identity: str, robot: "Robot | None" = None) -> Simulator:
@@ -318,16 +329,27 @@ def _told_by(registry: "Registry", found: Simulator, recording: str | None) -> D
     return None
 
 
-def _with_parts(found: Simulator, document: Document | None, recording: str | None) -> Simulator:
-    """The simulator with what a result about the recording, else its own lineage, says that it was fitted to."""
+def _with_parts(
+    registry: "Registry", found: Simulator, document: Document | None, recording: str | None
+) -> Simulator:
+    """The simulator with what a result about the recording says of it, and what it and its parents were fitted to."""
+    told = {} if document is None else {"parts": document.get("parts"), "asked": document.get("asked") or {}}
+    shaped = [_fitted_to(found, document, recording)]
+    for before in descent(registry, found)[1:]:
+        shaped.append(_fitted_to(before, _told_by(registry, before, recording), recording))
+    return replace(found, fitted_to=None if None in shaped else frozenset().union(*shaped), **told)
+
+
+def _fitted_to(found: Simulator, document: Document | None, recording: str | None) -> frozenset[str] | None:
+    """What a result about the recording, else its own lineage, says that a simulator was fitted to."""
     if document is not None:
-        told = {"parts": document.get("parts"), "asked": document.get("asked") or {}}
-        return replace(found, fitted_to=_fitted(document), **told)
+        return _fitted(document)
     fitted = (found.lineage.get("recording"), *found.lineage.get("recordings", ()))
-    made_here = recording is not None and recording in fitted
-    if made_here and recording == found.lineage["recording"] and "episodes" in found.lineage:
-        return replace(found, fitted_to=frozenset(found.lineage["episodes"]))
-    return replace(found, fitted_to=None if made_here else frozenset())
+    if recording is None or recording not in fitted:
+        return frozenset()
+    if recording == found.lineage["recording"] and "episodes" in found.lineage:
+        return frozenset(found.lineage["episodes"])
+    return None
 
 
 def _no_simulator(ref: str, record: "ResultRecord") -> NoMatchError:

@@ -45,8 +45,9 @@ class Verb:
     """One row: the function, its settings, and what it is about.
 
     ingest : whether a log that is given by its path is registered before the verb begins, as when its answer is kept;
-    else it is registered with the answer. several : whether it may be asked about several recordings at once. faster :
-    of its settings, what a user can do where it takes long, told by the command; None where there is nothing.
+    else it is registered with the answer. several : whether it may be asked about several recordings at once. keeps :
+    whether it stores its answer itself, for it does more once that is stored. faster : of its settings, what a user can
+    do where it takes long, told by the command; None where there is nothing.
     """
 
     run: Callable[..., Any]
@@ -54,6 +55,7 @@ class Verb:
     about: Literal["recording", "robot"]
     ingest: bool = False
     several: bool = False
+    keeps: bool = False
     faster: Callable[[Any], str] | None = None
 
     def ask(
@@ -73,7 +75,8 @@ class Verb:
         each = [recorded(registry, one, robot, log_map, ingest=self.ingest) for one in references]
         asked = joined(each) if len(each) > 1 else each[0]
         found = self.run(asked, settings, progress)
-        asked.keep(found)
+        if not self.keeps:
+            asked.keep(found)
         return found
 
     @property
@@ -97,7 +100,7 @@ def about_recording(
     faster: Callable[[Any], str] | None = None,
 ) -> Callable[..., Answer]:
     """The method of a session for a verb that is asked about a recording; see `Verb`."""
-    verb = Verb(run, settings, "recording", ingest, several, faster)
+    verb = Verb(run, settings, "recording", ingest, several, faster=faster)
 
     def method(
         self,

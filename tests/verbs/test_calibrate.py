@@ -15,7 +15,9 @@ from dynreg.cli.schemas import schema_files
 from dynreg.data.recording import Recording
 from dynreg.errors import Assumed, UsageError
 from dynreg.evidence.truth import hide, log_of, protocol
+from dynreg.methods.calibrator import Question
 from dynreg.methods.table import METHODS
+from dynreg.replay.data import data
 from dynreg.report.calibration import columns, made
 from dynreg.report.html import page
 from dynreg.results import Calibration
@@ -152,6 +154,54 @@ def test_an_interrupted_calibration_goes_on_and_asks_for_the_same_settings(
     again = asked(session, place, "es", seed=5, budget=30, resume=True)
     whole = asked(session, place, "es", seed=5, budget=30)
     assert (again.parameters, again.history) == (whole.parameters, whole.history)
+    assert again.cost.resumed > 0 and again.cost.rollouts == whole.cost.rollouts
+
+
+def stopped(session: Session, place: Path, **told) -> None:
+    """An evolution strategy that is interrupted after some simulations."""
+
+    def stop(stage: str, done: int, total: int) -> None:
+        if done > 15:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        asked(session, place, "es", budget=30, progress=stop, **told)
+
+
+def test_simulations_by_another_version_are_run_again(
+    session: Session, place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stopped(session, place, seed=15)
+    monkeypatch.setattr(
+        accepted, "version", lambda one: "9.9" if one == "mujoco" else importlib.metadata.version(one)
+    )
+    with pytest.warns(
+        Assumed, match=r"simulations of 'es' were run by dynreg .*, mujoco .*: they are run again"
+    ):
+        again = asked(session, place, "es", seed=15, budget=30, resume=True)
+    assert again.cost.resumed == 0
+
+
+def test_a_result_that_cannot_be_stored_loses_no_simulation(
+    session: Session, place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*told) -> str:
+        raise OSError("no room")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(type(session.registry), "put_result", full)
+        with pytest.raises(OSError, match="no room"):
+            asked(session, place, "es", seed=16, budget=30)
+    again = asked(session, place, "es", seed=16, budget=30, resume=True)
+    assert again.cost.resumed == again.cost.rollouts > 0
+
+
+def test_a_calibration_that_runs_is_not_begun_beside_itself(session: Session, place: Path) -> None:
+    def beside(stage: str, done: int, total: int) -> None:
+        with pytest.raises(UsageError, match="another run of the same calibration"):
+            asked(session, place, "es", seed=17, budget=30)
+
+    asked(session, place, "es", seed=17, budget=30, progress=beside)
 
 
 def test_a_calibration_that_ended_is_given_as_it_is_stored(session: Session, place: Path) -> None:
@@ -222,6 +272,12 @@ def test_it_begins_with_another_simulator_and_carries_what_that_had_fitted(
     again = asked(session, place, "staged", start=start.simulator, budget=30)
     assert again.versions[0].parent == start.simulator
     assert again.versions[1].before <= start.train_error * 1.001, "the second stage is of the replay error"
+    cut = data(load_robot("servo_pendulum"), session.registry.recording(start.recording), "e4")
+    fitted = Question(
+        cut, cut.robot.space.from_dict({n: p.value for n, p in start.parameters.items()})
+    ).fitted
+    same = Question(cut, cut.robot.space.from_unit(cut.robot.space.to_unit(cut.robot.space.nominal))).fitted
+    assert fitted.sum() == np.isnan(cut.known).sum() and not same.any(), "a rounded nominal value is no fit"
     with pytest.raises(UsageError, match="means nothing"):
         asked(session, place, "nearest", start=start.simulator)
 
@@ -286,6 +342,47 @@ def test_a_start_that_saw_what_is_held_out_is_told_and_no_other_one(session: Ses
         session.calibrate(["bench", "third"], hold_out="third/e4", **told)
     with pytest.warns(Assumed, match="shaped by bench/e4, which"):
         session.calibrate(["bench", "third"], hold_out="bench/e4", **told)
+
+
+def test_what_shaped_the_parents_of_a_start_is_told(session: Session, place: Path) -> None:
+    first = asked(session, place, "random", seed=20, budget=5, hold_out="e0").simulator
+    with pytest.warns(Assumed, match="shaped by e4"):
+        second = asked(session, place, "random", seed=21, budget=5, hold_out="e0,e4", start=first).simulator
+    with pytest.warns(Assumed, match="shaped by e4, which is held out"):
+        asked(session, place, "random", seed=22, budget=5, hold_out="e4", start=second)
+    bench = session.registry.resolve("bench", ("recording",))[1]
+    seen = simulator(session.registry, second, load_robot("servo_pendulum"), bench)
+    assert "e4" in seen.fitted_to and "e0" not in seen.fitted_to
+
+
+def test_a_recording_with_a_slash_in_its_name_is_found_by_a_plan(session: Session, place: Path) -> None:
+    slower = bench_csv(lambda i, row: [row[0], 0.7 * row[1], 0.7 * row[2], *row[3:]])
+    (place / "lab.csv").write_text(slower, encoding="utf-8")
+    lab = session.ingest(place / "lab.csv", "servo_pendulum", name="lab/monday")
+    (place / "lab.toml").write_text(PLAN.replace('"e0", "e1", "e2"', '"lab/monday"'), encoding="utf-8")
+    found = session.calibrate(
+        ["bench", "lab/monday"], method="staged", plan=place / "lab.toml", budget=30, threads=1
+    )
+    assert found.versions[0].recordings == (lab.recording,)
+
+
+def test_a_mistake_in_a_later_stage_is_told_before_any_simulation(session: Session, place: Path) -> None:
+    def never(stage: str, done: int, total: int) -> None:
+        raise AssertionError("a stage is run")
+
+    path = place / "late.toml"
+    path.write_text(PLAN.replace('parameters = ["*"]', 'parameters = ["*"]\nloss = "velocity"'))
+    with pytest.raises(UsageError, match="stage 'all': loss 'velocity'"):
+        asked(session, place, "staged", plan=path, progress=never)
+
+
+def test_a_stage_that_converges_is_not_said_to_have_run_its_plan(session: Session, place: Path) -> None:
+    path = place / "long.toml"
+    path.write_text(
+        '[[stages]]\nname = "one"\nparameters = ["tip_mass"]\nsearch = "cma"\ngenerations = 1000\nchildren = 4\n'
+    )
+    found = asked(session, place, "staged", plan=path)
+    assert found.ended == "converged" and found.cost.rollouts < 1000
 
 
 def test_a_plan_that_was_interrupted_in_its_first_stage_goes_on_beside_another_run(

@@ -11,7 +11,7 @@ import pytest
 
 import dynreg
 from dynreg.adapt.tried import Rules
-from dynreg.errors import BudgetError, CorruptError, DynregError, LogError, NoMatchError, UsageError
+from dynreg.errors import Assumed, CorruptError, DynregError, LogError, NoMatchError, UsageError
 from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import task_of
 from dynreg.report.html import page
@@ -168,6 +168,8 @@ def test_an_interrupted_run_goes_on_and_plays_no_trial_twice(
     names = [f"trial_{i}" for i in range(1, whole.cost.trials + 2) if i != breaks + 1]
     assert [*first.names, *second.names] == names, "the robot may have moved in the one that was interrupted"
     assert found.cost.trials == whole.cost.trials + 1
+    assert 0 < found.cost.resumed < found.cost.rollouts == whole.cost.rollouts
+    assert found.cost.simulated_seconds == pytest.approx(whole.cost.simulated_seconds)
 
 
 def test_trials_of_an_interrupted_run_are_not_lost_where_resume_is_forgotten(
@@ -232,6 +234,27 @@ def test_a_run_that_ended_is_not_played_again_by_resume(opened: Session, brief: 
     assert door.names == []
 
 
+def test_the_stored_answer_of_a_run_that_ended_is_given(opened: Session, brief: Robot) -> None:
+    first, door = calibrated(opened, brief, Door(), trials=3), Door()
+    with pytest.warns(Assumed, match="has ended: its result"):
+        again = calibrated(opened, brief, door, trials=3, resume=True)
+    assert again.to_dict() == first.to_dict() and door.names == []
+
+
+@pytest.mark.parametrize("where", [b'"asked"', b'"stage"'])
+def test_damaged_simulations_are_run_again_and_no_trial_is_lost(
+    opened: Session, brief: Robot, whole: Calibration, where: bytes
+) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        calibrated(opened, brief, Door(2))
+    every = [*(opened.path / "searches").glob("*.jsonl")]
+    (journal,) = [path for path in every if b'"gaits 1"' in path.read_bytes()[:400]]
+    journal.write_bytes(journal.read_bytes().replace(where, b'"oops"', 1))
+    with pytest.warns(Assumed, match="the simulations of 'gaits 1' are run again"):
+        found = calibrated(opened, brief, Door(), resume=True)
+    assert found.on_robot.scores() == whole.on_robot.scores()
+
+
 def test_a_damaged_journal_of_trials_is_kept(opened: Session, brief: Robot) -> None:
     with pytest.raises(KeyboardInterrupt):
         calibrated(opened, brief, Door(2))
@@ -270,7 +293,7 @@ def test_a_task_that_is_met_ends_it(opened: Session, brief: Robot) -> None:
 def test_mistakes_have_one_clear_line_each(opened: Session, brief: Robot, short_log) -> None:
     opened.ingest(short_log, brief, name="log")
     door = Door()
-    with pytest.raises(BudgetError, match="room for"):
+    with pytest.raises(UsageError, match="0.1 s of trials, and one of task 'forward' takes 1 s"):
         calibrated(opened, brief, door, seconds=0.1)
     assert not door.names, "nothing moved"
     with pytest.raises(NoMatchError, match="every one of the gaits .* fell on robot 'quadruped'"):
@@ -311,11 +334,20 @@ def test_options_are_looked_at_before_anything_heavy_is_loaded(
         opened.calibrate("quadruped", method="btr", **told)
 
 
-@pytest.mark.parametrize("told", [{"gait": "nothing"}, {"start": "nothing"}, {"task": "nothing"}])
+@pytest.mark.parametrize(
+    ("told", "says"),
+    [
+        ({"gait": "nothing"}, "nothing"),
+        ({"start": "nothing"}, "nothing"),
+        ({"task": "nothing"}, "nothing"),
+        ({"budget": 3}, "a budget of 3 simulations"),
+        ({"seconds": 0.1}, "0.1 s of trials"),
+    ],
+)
 def test_a_mistake_in_an_option_makes_no_folder(
-    opened: Session, brief: Robot, tmp_path: Path, told: dict
+    opened: Session, brief: Robot, tmp_path: Path, told: dict, says: str
 ) -> None:
-    with pytest.raises(DynregError, match="nothing"):
+    with pytest.raises(DynregError, match=says):
         opened.calibrate(brief, method="btr", robot_door=tmp_path / "trials", **told)
     assert not (tmp_path / "trials").exists()
 
