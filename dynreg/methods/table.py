@@ -50,7 +50,7 @@ SEARCHED = "by_search:BySearch"
 USUAL = 600  # simulations of a search: our choice
 _ABOUT = {
     "cma": "the usual choice among searches",
-    "hill": "the hill climber of paper D, for a start that is nearly right",
+    "hill": "the hill climber of paper D, a plain local search",
     "random": "what every other method must beat",
     "ga": "the genetic algorithm of paper A, where there are many optima",
     "bits": "a genetic algorithm on bits, as the reference of `operon`",
