@@ -2,7 +2,7 @@
 
     python benchmarks/bench_gpu.py [--models 200 1000]
 
-The family is that of bench_models. Both devices start from the same base model and see the same rows. Times are the
+The family is `model_family`'s. Both devices start from the same base model and see the same rows. Times are the
 shortest of three after a first call that is not timed. Without a GPU it says so and ends.
 """
 

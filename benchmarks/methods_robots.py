@@ -2,7 +2,7 @@
 
 The servo and the wheels are simulated by code that shares nothing with the library, the robots on feet by the library's
 own with a finer time step. The quadruped's parts are known as well as scales and rulers tell
-(`bench_naming_quadruped`); it stands and trots in its log, in episodes of 1.7 s. The AIBO's elbows are of another
+(`measured_quadruped`); it stands and trots in its log, in episodes of 1.7 s. The AIBO's elbows are of another
 material where it is outside of the family; its log holds walks of 5 s.
 """
 

@@ -210,11 +210,10 @@ def test_functions_are_short():
 
 
 def test_what_benchmarks_share_is_no_benchmark():
-    """But the table of all real robots, which gathers those of each."""
+    """Only the table of all real robots imports benchmarks."""
     files = [p for p in (ROOT / "benchmarks").glob("*.py") if p.name != "bench_diagnose_real.py"]
-    taken = {
-        (p.name, m) for p in files for m in re.findall(r"^(?:from|import) (bench_\w+)", p.read_text(), re.M)
-    }
+    found = [(p, n) for p in files for n in walked(p)]
+    taken = [where(p, n) for p, n in found if any(name.startswith("bench_") for name in imported(n))]
     assert len(files) > 50 and not taken
 
 

@@ -12,6 +12,7 @@ from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.session import Session
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
+from dynreg.verbs import trial
 
 
 @pytest.fixture
@@ -100,6 +101,30 @@ def test_bad_settings_are_refused_before_the_log_is_read(opened: Session) -> Non
         opened.diagnose("nowhere", effects=["rust"])
     with pytest.raises(NoMatchError, match="nowhere"):
         opened.diagnose("nowhere")
+
+
+def test_a_trial_that_was_interrupted_diagnoses_no_robot_twice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried, diagnosed = trial.tried_some, []
+
+    def watched(**told):
+        diagnosed.append(told["span"])
+        return tried(**told)
+
+    def stop(stage: str, done: int, total: int) -> None:
+        if stage == "trials" and done:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("dynreg.verbs.trial.TOGETHER", 1)
+    monkeypatch.setattr("dynreg.verbs.trial.tried_some", watched)
+    told = TRIAL | {"count": 2, "threads": 1}
+    with session.open(tmp_path / "registry") as opened:
+        with pytest.raises(KeyboardInterrupt):
+            opened.trial("servo_pendulum", **told, progress=stop)
+        table = opened.trial("servo_pendulum", **told)
+        assert diagnosed == [(0, 1), (1, 2)] and len(table.trials) == 2
+        assert opened.trial("servo_pendulum", **told).trials == table.trials and len(diagnosed) == 2
 
 
 def test_trials_are_kept_without_a_recording_and_survive_the_loss_of_the_catalogue(

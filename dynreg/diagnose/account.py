@@ -108,4 +108,4 @@ def simulator(
     sizes = model.coordinates.effect_values(point.hypothesis, point.effect[None])
     terms = Terms(own, tuple(sizes)) if own else None
     where = {"engine": model.engine, "threads": options.threads, "seed": options.seed}
-    return jitter(model.robot, data.windows, values, terms, data.parts.chosen, **where), terms
+    return jitter(model.robot, data.windows, values, terms, data.parts.chosen, **where)[0], terms

@@ -57,7 +57,7 @@ def _rank(
 ) -> Ranked:
     """Entries by their distance to the recording, a new node of the graph that is judged on some of `rows`.
 
-    All that are allowed are judged with `exact`, and where the walk finds too few.
+    All that are allowed are judged with `exact`, and where the search finds too few.
     """
     population = asked.population
     if population.graph is None:

@@ -87,7 +87,7 @@ class DistanceQuery:
     @property
     def searched(self) -> bool:
         """Whether the nearest are searched for, so that not all that are allowed are judged."""
-        return not self.exact and self.population.graph is not None and len(self.allowed) > JUDGED_ALL
+        return not self.exact and len(self.allowed) > JUDGED_ALL
 
     @cached_property
     def transitions(self) -> Transitions:

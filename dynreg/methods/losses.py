@@ -32,7 +32,7 @@ def loss_of(stage: Stage, data: Data, replayer: Replayer) -> Loss:
 def _replayed(stage: Stage, data: Data, replayer: Replayer) -> Loss:
     rows = _rows(stage, data)
     measured = data.windows.measured[stage.windows, rows:][..., data.windows.weight > 0]
-    windows = _told(stage, data, np.isfinite(measured).any(axis=(1, 2)))
+    windows = _told(stage, data, np.isfinite(measured).any(axis=(1, 2)), "nothing was measured")
 
     def replayed(unit: np.ndarray) -> np.ndarray:
         residual = replayer.residuals(data.values_of(unit), windows)
@@ -46,7 +46,8 @@ def _joint(stage: Stage, data: Data, replayer: Replayer) -> Loss:
     reach = round(stage.table.shift / data.windows.period)
     counted = data.windows.measured[stage.windows][:, rows + reach :, own]
     counted = counted[:, : counted.shape[1] - reach]
-    windows = _told(stage, data, np.isfinite(counted).any(axis=(1, 2)))
+    lack = f"no joint angle was measured up to shift = {stage.table.shift:g} s before the end of a window and"
+    windows = _told(stage, data, np.isfinite(counted).any(axis=(1, 2)), lack)
     measured = data.windows.measured[windows][..., own]
 
     def joint(unit: np.ndarray) -> np.ndarray:
@@ -64,7 +65,7 @@ def _velocity(stage: Stage, data: Data, replayer: Replayer) -> Loss:
         raise _untold(stage, data, error.problem, "'replay' or 'joint'") from None
     every = velocities(data.windows.measured[stage.windows, rows:])
     there = np.isfinite(every).all(axis=-1)
-    windows, of_log = _told(stage, data, there), every[there]
+    windows, of_log = _told(stage, data, there, "too few poses or speeds were measured"), every[there]
     known = np.isfinite(data.windows.measured[windows, rows:])
 
     def velocity(unit: np.ndarray) -> np.ndarray:
@@ -82,8 +83,8 @@ def joint_loss(simulated: np.ndarray, measured: np.ndarray, skip: int, reach: in
     """(n,) mean squares [rad^2] of joint angles (n, W, T, J) less measured ones (W, T, J), from row `skip` on.
 
     The log may be up to `reach` rows later or earlier than the simulation: of each simulator the best counts, one for
-    all windows (paper E). The same rows of the log count for every shift. A row counts at most pi^2, and so does each
-    of a simulation that diverged.
+    all windows (paper E). The same rows of the log count for every shift, and one of them must be measured. A row
+    counts at most pi^2, and so does each of a simulation that diverged.
     """
     first, last = skip + reach, simulated.shape[2] - reach
     known, out = np.isfinite(measured[:, first:last]), []
@@ -95,14 +96,17 @@ def joint_loss(simulated: np.ndarray, measured: np.ndarray, skip: int, reach: in
     return np.min(out, axis=0)
 
 
-def _told(stage: Stage, data: Data, there: np.ndarray) -> np.ndarray:
-    """Numbers of the stage's windows in which something counts (W',): a log may end before, as by a fall."""
+def _told(stage: Stage, data: Data, there: np.ndarray, lack: str) -> np.ndarray:
+    """Numbers of the stage's windows in which something counts (W',): a log may end before, as by a fall.
+
+    Raises UsageError, with what they lack, where nothing does in any.
+    """
     if not there.any():
         name = data.recording.episodes[data.windows.episode[stage.windows[0]]].name
         raise UsageError(
-            f"stage {stage.table.name!r}: nothing was measured behind skip = {stage.table.skip:g} s, as in {name!r}",
-            expected="a recording that lasts longer",
-            do="skip less",
+            f"stage {stage.table.name!r}: {lack} behind skip = {stage.table.skip:g} s, as in {name!r}",
+            expected="a recording that lasts longer, or in which more is measured",
+            do="lower skip and shift, or choose another loss",
         )
     return stage.windows[there]
 

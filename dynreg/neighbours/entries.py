@@ -3,6 +3,7 @@
 import hashlib
 import json
 import time
+import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -13,6 +14,7 @@ import numpy as np
 
 from dynreg.distance.population import Shared, Training, context_of
 from dynreg.distance.rows import thin
+from dynreg.errors import Assumed, SimulationError
 from dynreg.models.bank import LossBank
 from dynreg.models.base import POOLED, train_base
 from dynreg.models.mlp import MlpStack
@@ -97,12 +99,19 @@ def make_shared(robot: Robot, seed: int, training: Training, threads: int) -> Sh
     """Simulate the base configurations and train the base model: everything that entries will share.
 
     Base configurations run commands of their own, eight to a bank: a base that saw the entries' commands alone
-    would know those trajectories rather than the dynamics.
+    would know those trajectories rather than the dynamics. Episodes that diverge are left out, which is said. Raises
+    SimulationError where all of them do.
     """
     run = excitation(robot, seed=seed)
     firsts = range(0, training.base_configurations, IN_A_BANK)
     parts = [_base_rows(robot, seed, training, first, threads) for first in firsts]
     states, actions, context, after = (np.concatenate(column) for column in zip(*parts, strict=True))
+    if not len(states):
+        raise SimulationError(
+            f"every simulated episode of {robot.name!r} diverged",
+            expected="a robot that can be simulated over the ranges of its parameters",
+            do=f"look for the cause with `dynreg robots check {robot.name}`, or narrow the ranges in robot.toml",
+        )
     normaliser = fit_normaliser(states, actions, context, after)
     inputs, targets = normaliser.inputs(states, actions, context), normaliser.targets(states, after)
     base = train_base(
@@ -129,7 +138,12 @@ def _base_rows(
     count = int(np.prod(states.shape[:2])) * run.steps
     flat = lambda a: np.broadcast_to(a, (len(states), *a.shape[-3:])).reshape(count, a.shape[-1])  # noqa: E731
     columns = (flat(states[:, :, :-1]), flat(run.actions), flat(context), flat(states[:, :, 1:]))
-    good = np.isfinite(columns[0]).all(axis=1) & np.isfinite(columns[3]).all(axis=1)
+    # what runs up to a divergence is no dynamics of the robot, and would set the scale of all that is
+    sound = np.isfinite(states).all(axis=(2, 3))
+    if not sound.all():
+        told = f"{int((~sound).sum())} of {sound.size} simulated episodes of {robot.name!r} diverged: the base model is"
+        warnings.warn(f"{told} trained on the others", Assumed, 2)
+    good = np.repeat(sound.reshape(-1), run.steps)
     return tuple(column[good].astype(np.float32) for column in columns)
 
 

@@ -18,7 +18,7 @@ from dynreg.neighbours.spending import HALVED, Spending, Unknown
 from dynreg.neighbours.synthesise import Replays, linearise, replays_of
 from dynreg.progress import Progress
 from dynreg.replay.data import Data, data
-from dynreg.replay.jitter import CANDIDATES, jitter
+from dynreg.replay.jitter import jitter
 from dynreg.replay.judged import channel_errors
 from dynreg.replay.parts import seen
 from dynreg.replay.samples import samples_in_all
@@ -26,6 +26,8 @@ from dynreg.replay.start_error import noisy_channels
 from dynreg.replay.timed import on_grid
 from dynreg.replay.windows import Replayer, errors
 from dynreg.sim.robot import Robot
+
+FEWEST = 3  # simulators beside the nominal one of which another may be made
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,9 +138,9 @@ def choose(case: Case, found: Retrieved, spending: Spending) -> Choice:
         ids = [i for i, c in enumerate(candidates) if c.kind in kinds]
         return min(ids, key=lambda i: (score[i], i)) if ids else None
 
-    made, noisy = best_of("synthesised") if synthesis is None else begun, False
+    made, jittered = best_of("synthesised") if synthesis is None else begun, 0
     if made is not None:
-        replays, noisy = _with_noise(case, replays, made)
+        replays, jittered = _with_noise(case, replays, made)
     nearest = tuple(i for i, c in enumerate(candidates) if c.kind == "neighbour")[: spending.k]
     best, answer = best_of("neighbour"), best_of("nominal", "neighbour")
     if made is not None and score[made] <= score[answer]:
@@ -169,7 +171,7 @@ def choose(case: Case, found: Retrieved, spending: Spending) -> Choice:
         states=states,
         channels=channel_errors(case.data.windows, states, judged),
         judgement=judgement,
-        rollouts=found.ranked.replays + spent + CANDIDATES * noisy + HALVED * sloped,
+        rollouts=found.ranked.replays + spent + jittered + HALVED * sloped,
     )
 
 
@@ -224,7 +226,7 @@ def _replayed(
     report()
     residuals = replaying.residuals(units)
     replays, made = replays_of(space, free, case.data.parts.fit[chosen], units, residuals), None
-    if spending.synthesise and free.any() and len(first) > 3:
+    if spending.synthesise and free.any() and len(first) > FEWEST:
         spend = spending.to_make(len(first), unknown)
         made = make(replays, residuals, replaying, spend, case.population.shared.seed)
         replays = replays.grown(made.replays.unit[[made.best]], made.residual[None])
@@ -233,21 +235,21 @@ def _replayed(
     return (*first, *last), replays, made
 
 
-def _with_noise(case: Case, replays: Replays, made: int) -> tuple[Replays, bool]:
-    """A synthesised simulator with the motor noise that the log tells, and whether it tells it.
+def _with_noise(case: Case, replays: Replays, made: int) -> tuple[Replays, int]:
+    """A synthesised simulator with the motor noise that the log tells, and how many simulators were run for it.
 
     Replays have none, and cannot.
     """
     space, replayer = case.robot.space, case.replayer
     values = case.data.values_of(replays.unit[made])
-    noisy = jitter(
+    noisy, ran = jitter(
         case.robot, case.data.windows, values, None, case.data.parts.chosen, threads=replayer.threads
     )
     if noisy is values:
-        return replays, False
+        return replays, ran
     unit = replays.unit.copy()
     unit[made] = case.data.with_known(space.to_unit(noisy))
-    return replace(replays, unit=unit), True
+    return replace(replays, unit=unit), ran
 
 
 def regressed(

@@ -1,6 +1,6 @@
 """Retrieve: the entries whose dynamics look most like the recording's, and a first guess at its parameters."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -57,7 +57,8 @@ def _chosen(asked: DistanceQuery) -> tuple[str, Ranked]:
     sided = DISTANCES["one_sided"].rank(asked)
     if sided.distance[0] < 1.0:
         return "one_sided", sided
-    return "embedding", DISTANCES["embedding"].rank(asked)
+    ranked = DISTANCES["embedding"].rank(asked)
+    return "embedding", replace(ranked, evaluations=ranked.evaluations + sided.evaluations)
 
 
 def _guess(asked: DistanceQuery) -> np.ndarray | None:

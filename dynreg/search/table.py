@@ -38,7 +38,7 @@ class Kind:
         from dynreg.rng import stream
         from dynreg.search.start import Start
 
-        self.begin(Start(2, stream(0, "any"), batch))
+        self.begin(Start(2, stream(0, "any"), batch))  # no search refuses a batch because of its dimensions
 
 
 FORMER: Mapping[str, str] = MappingProxyType({"cmaes": "cma", "genetic": "ga"})

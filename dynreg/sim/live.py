@@ -11,7 +11,8 @@ from dynreg.rng import stream
 from dynreg.sim.commands import limited, noisy
 from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.effects import Effect
-from dynreg.sim.engines.arena import DIVERGED, Simulations
+from dynreg.sim.engines.arena import Simulations
+from dynreg.sim.engines.diverged import too_fast
 from dynreg.sim.engines.mujoco_model import quiet
 from dynreg.sim.engines.mujoco_steps import BETWEEN
 from dynreg.sim.layout import observe
@@ -100,7 +101,7 @@ class LiveSimulator:
     def state(self) -> np.ndarray:
         """(S,) the present state as the log would hold it, in the channels' units; NaN once it has diverged."""
         states = self._look()
-        if self._diverged or _fast(self.data.qvel):
+        if self._diverged or too_fast(self.data.qvel):
             return np.full(len(self.channels), np.nan)
         return self._simulations.logged(states.copy())[0, -2]
 
@@ -146,7 +147,7 @@ class LiveSimulator:
         clock.commands[:, self._count] = self._shaped(command)
         self._steps.hold(self._count)
         self._count += 1
-        self._diverged = self._diverged or _fast(self.data.qvel)
+        self._diverged = self._diverged or bool(too_fast(self.data.qvel))
         return self.state
 
     def _shaped(self, command: np.ndarray) -> np.ndarray:
@@ -174,11 +175,6 @@ class LiveSimulator:
         if np.isinf(known).any():
             raise _no_number("a state with an infinite number", "; NaN where it is not known")
         return known
-
-
-def _fast(velocity: np.ndarray) -> bool:
-    """Whether it has left all bounds, or is no number."""
-    return not np.abs(velocity).max() < DIVERGED
 
 
 def _outside(effect: Effect) -> bool:

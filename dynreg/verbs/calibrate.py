@@ -160,6 +160,7 @@ def calibrate(
     from dynreg.verbs.accepted import accept
     from dynreg.verbs.calibration_start import begun_with
 
+    began = time.perf_counter(), time.process_time()
     accept(asked.registry, asked.robot)  # before time is spent on a robot that is refused
     _require_wheels(asked.robot, settings)
     population = _population(asked, settings)
@@ -173,7 +174,7 @@ def calibrate(
             return ended
     resumes = METHODS[settings.method].takes("resume")
     with journals.held(stages[0]) if resumes else nullcontext():
-        made = _fitted(asked, settings, posed, begin, key)
+        made = _fitted(asked, settings, posed, begin, key, began)
         asked.keep(made)
         journals.end()
     return made
@@ -185,15 +186,18 @@ def _fitted(
     posed: "tuple[Question, Evidence, Limits]",
     begin: "Simulator | None",
     key: str,
+    began: tuple[float, float],
 ) -> "Calibration":
-    """The document of what the method finds, with every simulator on the way registered."""
+    """The document of what the method finds, with every simulator on the way registered.
+
+    began : when the command was, by the clock and by processor time [s].
+    """
     from dynreg.methods.judged import replay_errors
     from dynreg.results.calibration import CalibrationCost
     from dynreg.sim.config import SimConfig
     from dynreg.verbs.calibration import document, origin_of, register
     from dynreg.verbs.calibration_start import shaped_by, tell_seen
 
-    began, worked = time.perf_counter(), time.process_time()
     question, evidence, limits = posed
     cut = question.data
     if begin is not None and (seen := shaped_by(asked, begin, cut.named["test"])):
@@ -210,9 +214,9 @@ def _fitted(
         rollouts=found.rollouts,
         test_rollouts=2 if cut.parts.test.any() else 0,
         resumed=found.resumed,
-        seconds=time.perf_counter() - began,
+        seconds=time.perf_counter() - began[0],
         simulated_seconds=found.simulated,
-        core_seconds=time.process_time() - worked,
+        core_seconds=time.process_time() - began[1],
     )
     made = document(asked, settings, question, evidence.population, found, ids, errors, cost)
     return made.model_copy(update={"question": key})

@@ -56,8 +56,8 @@ def calibrate_by_trials(
 
     subject : the robot, its folder or its name. robot_door : the robot as it is tried, or a folder for its trials; see
     `Session.calibrate` for it, and for gait, rules and say. log_map : refused where it means nothing.
-    Raises BudgetError where not even one trial may be made, NoMatchError where no gait stood, UsageError for arguments
-    that do not fit, and where an interrupted run has left trials and is not resumed.
+    Raises BudgetError where the robot's own budget allows no trial, NoMatchError where no gait stood, UsageError for
+    arguments that do not fit or allow no trial, and where an interrupted run has left trials and is not resumed.
     """
     began, worked = time.perf_counter(), time.process_time()
     registry.check_writable()

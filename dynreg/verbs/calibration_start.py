@@ -10,7 +10,7 @@ import numpy as np
 from dynreg.errors import Assumed, UsageError
 from dynreg.registry import Registry
 from dynreg.sim.robot import Robot
-from dynreg.verbs.simulators import NOMINAL, Simulator, descent, simulator
+from dynreg.verbs.simulators import NOMINAL, Simulator, lineages, simulator
 from dynreg.verbs.subjects import Recorded
 
 
@@ -68,8 +68,8 @@ def tell_seen(how: str, names: Sequence[str]) -> None:
 
 def _shaping(asked: Recorded, begin: Simulator) -> set[str]:
     """Episodes that shaped a simulator or those that it came from, by their names in the recording asked about."""
-    out, lineages = set(), [one.lineage for one in descent(asked.registry, begin)]
-    for one, lineage in product(asked.each or (asked,), lineages):
+    out, every = set(), lineages(asked.registry, begin)
+    for one, lineage in product(asked.each or (asked,), every):
         prefix = f"{one.name}/"
         for name in lineage.get("episodes", ()):
             if lineage.get("recording") == one.recording.id:

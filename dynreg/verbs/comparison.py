@@ -150,7 +150,7 @@ def _seen(asked: Recorded, simulators: Mapping[str, Simulator], found: Compared)
                 f"{name} was fitted to this recording, and it is not known to which part. It may have seen the test"
                 " commands; models made here have not"
             )
-        elif many := int(np.isin(names, sorted(one.fitted_to)).sum()):
+        elif many := int(np.isin(names, sorted(one.fitted_to | one.inherited)).sum()):
             out.append(
                 f"{name} was fitted to episodes that hold {many} of the {len(names)} test commands. It may have"
                 " seen them; models made here have not"

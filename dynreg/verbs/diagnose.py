@@ -206,9 +206,10 @@ def diagnose(asked: "Recorded", settings: DiagnoseSettings, progress: Progress |
 
     began = time.perf_counter()
     registry, robot, recording, options = asked.registry, asked.robot, asked.recording, settings.options
-    start = None
+    begin = start = None
     if settings.start != NOMINAL:
-        start = own(simulator(registry, settings.start, robot, recording.id), robot).config
+        begin = own(simulator(registry, settings.start, robot, recording.id), robot)
+        start = begin.config
     with _nulls(asked, settings, start) as nulls:
         search = find(robot, recording, options, start, cache=registry, progress=progress, nulls=nulls)
         search = with_account(_then_judged(search, progress), options)
@@ -216,7 +217,8 @@ def diagnose(asked: "Recorded", settings: DiagnoseSettings, progress: Progress |
         rollouts += nulls.rollouts if nulls else 0
     if progress:
         progress(JUDGED, 1, 1)
-    ids = {kind: _register(asked, robot, kind, *one) for kind, one in seen.simulators.items()}
+    parent = begin and begin.id
+    ids = {kind: _register(asked, robot, parent, kind, *one) for kind, one in seen.simulators.items()}
     cost = Cost(evaluations=0, rollouts=rollouts, test_rollouts=len(made.judged.states), seconds=0.0)
     found = document(asked, settings.start, options, made, seen, ids, cost)
     again = 0
@@ -288,13 +290,19 @@ def _told_apart(
 
 
 def _register(
-    asked: "Recorded", robot: "Robot", kind: str, values: "np.ndarray", terms: "Terms | None"
+    asked: "Recorded",
+    robot: "Robot",
+    parent: str | None,
+    kind: str,
+    values: "np.ndarray",
+    terms: "Terms | None",
 ) -> str:
-    """The id of a simulator that a diagnosis leaves, registered."""
+    """The id of a simulator that a diagnosis leaves, registered; parent : of the one that it began with, if any."""
     from dynreg.sim.config import SimConfig, effects_of
 
     config = SimConfig.of(robot, values, effects_of(terms)).as_dict()
     lineage = {"made_by": "diagnose", "kind": kind, "recording": asked.recording.id}
     if asked.each:
         lineage["recordings"] = [one.recording.id for one in asked.each]
+    lineage |= {} if parent is None else {"parent": parent}
     return asked.registry.put_simulator(config | {"lineage": lineage})

@@ -20,7 +20,7 @@ from dynreg.diagnose.threshold import commands
 from dynreg.errors import CorruptError, NoMatchError, UsageError
 from dynreg.evidence.lockstep import run
 from dynreg.neighbours.entries import Stopwatch
-from dynreg.registry import PopulationRecord, Registry, ShardData
+from dynreg.registry import PopulationRecord, Registry, ShardData, persistent
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.verbs.accepted import accept
 from dynreg.verbs.populations import columns_of
@@ -124,7 +124,7 @@ def fill_span(
     where that is another one than the population's.
     """
     watch = Stopwatch()
-    with Registry.open(registry) as opened, opened.claim(population, span[0]) as mine:
+    with persistent(Registry.open)(registry) as opened, opened.claim(population, span[0]) as mine:
         if not mine:
             return 0, {}
         with watch.of("simulate"):

@@ -18,7 +18,7 @@ from dynreg.progress import Progress
 from dynreg.registry import Registry
 from dynreg.results.stored import Expected, PopulationSummary
 from dynreg.sim.robot import Robot
-from dynreg.verbs.linking import FITTED
+from dynreg.verbs.linking import FITTED, linked_of
 from dynreg.verbs.populations import Plan, begin, fill, link
 
 MADE = 8, 32  # simulators: those that warm up, and all, of which the others are timed
@@ -35,16 +35,18 @@ def foretell(
     identity = population_id(robot, plan.seed, plan.training)
     try:
         held = registry.count(identity)
-        planned = max(plan.n, registry.population(identity).size)
+        known = linked_of(registry, identity)
     except NoMatchError:
-        held, planned = 0, plan.n
+        held, known = 0, 0
+    planned = max(plan.n, held)
     with tempfile.TemporaryDirectory() as folder:
         told = _measured(Path(folder) / "registry", robot, plan, report)
     missing, blobs = max(planned - held, 0), registry.addresses.get("blobs")
     bucket = blobs and blobs.partition("?")[0]
     seconds = {step: missing * spent for step, spent in told.each.items()}
     # the embedding is fitted to the first entries, and others are linked anew until these are there
-    seconds["link"] = told.linking.of(missing if held >= FITTED else planned) if linked and missing else 0.0
+    new = planned - known if known >= FITTED else planned
+    seconds["link"] = told.linking.of(new) if linked and (missing or known < planned) else 0.0
     seconds["base"] = told.base if missing and not held else 0.0
     expected = Expected(
         made=MADE[1],
@@ -108,14 +110,14 @@ def _measured(place: Path, robot: Robot, plan: Plan, report: Progress) -> _Told:
     with Registry.open(place, create=True) as scratch:
         trial = Plan(few, plan.seed, small, all_made, plan.threads)
         identity = begin(scratch, robot, trial, Stopwatch(), report)
-        fill(scratch, identity, here, Stopwatch(), lambda there: None)
+        fill(scratch, identity, here, Stopwatch(), lambda there: None, few)
         link(scratch, identity, threads=plan.threads)  # the first time takes longer
         small_links, _ = _linked(scratch, identity, plan.threads)
         warm, watch = _peak(), Stopwatch()
         with watch.of("base"):
             make_shared(robot, plan.seed, small, plan.threads)
         begin(scratch, robot, replace(trial, n=all_made), watch, report)
-        fill(scratch, identity, here, watch, lambda there: report("trial", there, all_made))
+        fill(scratch, identity, here, watch, lambda there: report("trial", there, all_made), all_made)
         resident = _peak()
         links, evaluations = _linked(scratch, identity, plan.threads)
         sizes = {name: _bytes(place / name) / all_made for name in FOLDERS}

@@ -4,7 +4,7 @@ import hashlib
 import json
 import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,7 @@ class Journals:
     paths: list[Path] = field(default_factory=list)
 
     def key_of(self, **limits: Any) -> str:
-        """What this question, how it is run and what runs it are known by: another version may answer otherwise.
+        """A hash of the question, of how it is run, and of the versions that run it, which may answer otherwise.
 
         limits : what it may spend, where an interrupted run may go on with more of it.
         """
@@ -45,14 +45,19 @@ class Journals:
         if self.registry.read_only:
             yield
             return
-        with try_lock(self.registry.path / LOCKS / f"{self._path(stage).stem}.lock") as mine:
+        path = self.registry.path / LOCKS / f"{self._path(stage).stem}.lock"
+        with try_lock(path) as mine:
             if not mine:
                 raise UsageError(
                     "another run of the same calibration has not ended",
                     expected="one at a time, for each would spoil what the other keeps",
                     do="wait for it, stop it, or give another --seed",
                 )
-            yield
+            try:
+                yield
+            finally:
+                with suppress(PermissionError):  # Windows removes no file that is open
+                    path.unlink(missing_ok=True)  # while it is held, so that it is nobody else's
 
     def left(self, stage: str) -> list[float] | None:
         """What the last step of a stage found, in the journal that an interrupted run has left; None where none is.
@@ -97,19 +102,22 @@ class Journals:
             warnings.warn("nothing to go on with: the calibration begins", Assumed, 2)
         self.paths.append(path)
         key = {**self.question, "stage": stage, **self.how}
-        if stage == self.trials:
-            return Journal(path, key, resume=self.resume)
-        key["versions"] = versions()
-        return Journal(path, key, resume=self.resume and self._serves(path, stage))
+        if not self.trials:
+            key["versions"] = versions()
+        return Journal(path, key, resume=self.resume and (stage == self.trials or self._serves(path, stage)))
 
     def _serves(self, path: Path, stage: str) -> bool:
-        """Whether simulations that an interrupted run left serve; where others made them, or none can be read where
-        trials are kept that need not begin anew, it is said that they are run again."""
+        """Whether the simulations that an interrupted run left can be used; where not, it is said.
+
+        Those of other versions cannot, but where trials on a robot followed from them. There damaged ones cannot:
+        elsewhere all may begin anew.
+        """
         if not path.is_file():
             return True
-        if self.trials and (why := damage(path)):
-            warnings.warn(f"{str(path)!r}: {why}; the simulations of {stage!r} are run again", Assumed, 3)
-            return False
+        if self.trials:
+            if why := damage(path):
+                warnings.warn(f"{str(path)!r}: {why}; the simulations of {stage!r} are run again", Assumed, 3)
+            return not why
         begun = head(path)
         if begun is None or begun.get("versions") == versions():
             return True

@@ -87,12 +87,17 @@ def link(
     Returns the number of linked entries and of distances evaluated for them; `watch` takes the time of these, "graph".
     The index is the same bytes whether the population came at once or grew, on any number of threads.
     """
+    from threadpoolctl import threadpool_limits
+
     numbers = registry.numbers(ref)
     ids = tuple(numbers)
     held = None if anew else _linked(registry, ref, ids)
+    if held is not None and len(held.embedded) < FITTED:
+        held = None  # the embedding is fitted to more of them
     stack = StoredModels(registry.models(ref, numbers.values()))
     before = new_graph(shared.seed) if held is None else held.graph
-    with single_threaded():  # what is worth more cores asks for them itself
+    # the same bytes on any number of threads; what is worth more cores asks for them itself
+    with single_threaded(), threadpool_limits(1):
         embedded = embed(registry, ref, ids, shared, stack, None if held is None else held.embedded)
         judged = judge(registry, ref, ids, shared, stack, None if held is None else held.judged)
         distance = CrossLoss(stack, judged.inputs, judged.targets, judged.own, threads=1)
@@ -104,10 +109,19 @@ def link(
     return len(ids), graph.evaluations - before.evaluations
 
 
+INDEXES = ("embedding", "judged", "graph")
+
+
+def linked_of(registry: Registry, ref: str) -> int:
+    """How many of a population's present entries are in its index, as this version makes it; 0 where none serves."""
+    held = _linked(registry, ref, tuple(registry.numbers(ref)))
+    return 0 if held is None else len(held.embedded)
+
+
 def _linked(registry: Registry, ref: str, ids: Sequence[str]) -> Linked | None:
-    """What is kept for the first of these entries; None where it cannot be gone on with."""
-    found = [registry.grown_index(ref, key, ids) for key in ("embedding", "judged", "graph")]
-    if None in found or len({count for count, _ in found}) != 1 or found[0][0] < FITTED:
+    """What is kept for the first of these entries, by this version; None where nothing is, or parts of it are lost."""
+    found = [registry.grown_index(ref, key, ids) for key in INDEXES]
+    if None in found or len({count for count, _ in found}) != 1:
         return None
     embedded, judged, graph = (arrays for _, arrays in found)
     known, grown = embedded.get("digests"), Graph.from_arrays(graph)

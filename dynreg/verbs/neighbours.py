@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dynreg.neighbours.judge import Judgement
-from dynreg.neighbours.query import Case, Choice
+from dynreg.neighbours.query import FEWEST, Case, Choice
 from dynreg.neighbours.retrieve import Retrieved
 from dynreg.neighbours.spending import Spending
 from dynreg.replay.judged import gain, traced
@@ -124,7 +124,7 @@ def judged(subject: Subject, chosen: Choice) -> Neighbours:
     nearest = [i for i, c in enumerate(chosen.candidates) if c.kind == "neighbour"]
     ranks = sorted(nearest, key=lambda i: score[i]) if subject.spending.replay else nearest
     synthesised = None if chosen.made is None else _synthesised(case, chosen, simulators[chosen.made])
-    alarm, notes = _alarm(chosen.judgement)
+    alarm, notes = _alarm(chosen.judgement, len(case.population))
     return subject.document(
         neighbours=tuple(
             subject.neighbour(chosen.candidates[i].entry, float(score[i]))
@@ -246,8 +246,11 @@ def _traces(case: Case, chosen: Choice) -> tuple[Trace, ...]:
     )
 
 
-def _alarm(judgement: Judgement) -> tuple[str | None, tuple[str, ...]]:
-    """The text of the alarm (None where the answer errs as those of the family's robots would), and the notes."""
+def _alarm(judgement: Judgement, entries: int) -> tuple[str | None, tuple[str, ...]]:
+    """The text of the alarm (None where the answer errs as those of the family's robots would), and the notes.
+
+    entries : of the population that was asked.
+    """
     usual = (
         "a simulator that is right would, with the noise of sensors, disturbed drives and finer time steps"
     )
@@ -269,6 +272,8 @@ def _alarm(judgement: Judgement) -> tuple[str | None, tuple[str, ...]]:
     why = (
         "The model lacks an effect, or its parameter ranges are too narrow"
         if judgement.sharpened
+        else f"There are {entries} simulators alone, too few to make one of: populate more"
+        if entries < FEWEST
         else "No search about it was made (--no-synthesise, or a small --budget): another simulator may fit"
     )
     alarm = f"{size}, above the limit of {limit:.2g}. {why}. The table of channels shows the largest errors"

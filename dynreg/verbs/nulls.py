@@ -51,7 +51,7 @@ def null_of_diagnosis(
     from dynreg.diagnose.noise import own_noise
     from dynreg.diagnose.options import DiagnosisOptions
     from dynreg.diagnose.threshold import null_seed, nulls_of
-    from dynreg.registry import Registry
+    from dynreg.registry import Registry, persistent
     from dynreg.sim.config import SimConfig
     from dynreg.verbs.plain import recording_from, robot_from
 
@@ -59,7 +59,7 @@ def null_of_diagnosis(
     begun = None if start is None else SimConfig.from_dict(start)
     how = replace(DiagnosisOptions(**options), threads=threads)
 
-    with Registry.open(registry) as held:
+    with persistent(Registry.open)(registry) as held:
 
         def found() -> "Search[list[tuple[float, float]]]":
             problem = yield from posed(built, asked, how, begun, held)

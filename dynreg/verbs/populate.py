@@ -75,6 +75,19 @@ def populate(
             expected="one of them",
             do="leave --dry-run out: such populations are small",
         )
+    if settings.effects and (settings.ranges is not None or not settings.link):
+        other = "--no-link" if settings.ranges is None else f"--ranges {settings.ranges}"
+        raise UsageError(
+            f"--effects with {other}",
+            expected="one of them: simulators with effects are told apart at one robot, and are not linked",
+            do=f"leave {other} out",
+        )
+    if settings.dry_run and settings.executor != "local":
+        raise UsageError(
+            f"--dry-run with --executor {settings.executor}",
+            expected="one of them: what is told is of this machine",
+            do="leave --executor out",
+        )
     if settings.relink and (settings.effects or settings.dry_run or not settings.link):
         other = "--effects" if settings.effects else "--dry-run" if settings.dry_run else "--no-link"
         raise UsageError(
@@ -104,6 +117,7 @@ def with_models(
     from dynreg.results.stored import PopulationSummary
     from dynreg.sim.robot import with_population
     from dynreg.verbs.foretold import foretell
+    from dynreg.verbs.linking import linked_of
     from dynreg.verbs.populations import Plan, begin, fill, link
 
     report, watch, began = progress or (lambda *_: None), Stopwatch(), time.perf_counter()
@@ -114,11 +128,11 @@ def with_models(
     advance = lambda there: report("simulators", min(there, n), n)  # noqa: E731
     with opened(settings.executor, settings.address, settings.threads) as executor:
         identity = begin(registry, robot, plan, watch, report)
-        added = fill(registry, identity, executor, watch, advance)
+        added = fill(registry, identity, executor, watch, advance, n)
     linked, evaluations = 0, 0
     if settings.link:
         report("link", 0, 1)
-        if added or settings.relink or registry.index(identity, "graph") is None:
+        if added or settings.relink or linked_of(registry, identity) < registry.count(identity):
             with watch.of("link"):
                 linked, evaluations = link(registry, identity, threads=settings.threads, anew=settings.relink)
         report("link", 1, 1)
@@ -165,7 +179,7 @@ def with_effects(
         given = posed(like, settings.seed, settings.threads)
         identity = begin(registry, robot, given, n)
         hold(given, settings.threads)
-        added = fill(registry, identity, executor, watch, advance, fill_span)
+        added = fill(registry, identity, executor, watch, advance, n, fill_span)
     report("link", 0, 1)
     with watch.of("train"):
         population, _, _ = held(registry, identity)

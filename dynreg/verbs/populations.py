@@ -112,16 +112,17 @@ def fill(
     executor: Executor,
     watch: Stopwatch,
     report: Callable[[int], None],
+    stop: int,
     made_by: Callable[..., tuple[int, dict[str, float]]] | None = None,
 ) -> int:
-    """Have the missing entries made and stored, a shard a job, and wait for other processes: how many were added.
+    """Have the missing ones of the first `stop` entries made and stored, a shard a job; how many were added.
 
-    A claim of another process ends with it. report : called with how many entries are there. made_by : makes a shard,
-    as `fill_span`, the usual one, does.
+    Other processes are waited for; a claim of one ends with it. report : called with how many entries are there.
+    made_by : makes a shard, as `fill_span`, the usual one, does.
     """
     told = {"registry": str(registry.path.resolve()), "population": identity, "threads": executor.threads}
     total = 0
-    while spans := registry.missing_spans(identity):
+    while spans := [span for span in registry.missing_spans(identity) if span[0] < stop]:
         added = 0
         for made, seconds in executor.map(made_by or fill_span, [told | {"span": span} for span in spans]):
             added += made
@@ -198,6 +199,8 @@ def load_population(
 
     states : whether what all entries did is read. judged : whether the rows are that judge them by cross-loss.
     """
+    from threadpoolctl import threadpool_limits
+
     record = registry.population(ref)
     shared = shared_of(registry, record)
     numbers = registry.numbers(ref)
@@ -208,7 +211,8 @@ def load_population(
         stack = linking.StoredModels(registry.models(ref, numbers.values(), embedded.digests))
     else:
         stack = linking.StoredModels(registry.models(ref, numbers.values()))
-        embedded = linking.embed(registry, ref, ids, shared, stack)
+        with threadpool_limits(1):  # the same bytes as those that linking keeps
+            embedded = linking.embed(registry, ref, ids, shared, stack)
     rows = registry.index(ref, "judged", ids) if judged else None
     if judged:
         rows = linking.judge(registry, ref, ids, shared, stack) if rows is None else Judged(**rows)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from dynreg.errors import AmbiguousError, NoMatchError, UsageError
+from dynreg.errors import AmbiguousError, CorruptError, NoMatchError, UsageError
 from dynreg.verbs.newest import about, newest_for
 from dynreg.verbs.settings import today
 
@@ -74,9 +74,9 @@ class Simulator:
     that is another one than was asked with. lineage : how it came about.
     source : id of the result that told it, None where it was named itself.
     fitted_to : episodes of the recording to which it was fitted, or by which it was chosen, whole or in part; empty
-    where nothing says that it was, None where it was and nothing says to which. parts : of that result, by episode or
-    as "episode[3]" where an episode was cut into windows; None where no result says them. asked : the options
-    of that result, by name; empty where it says none.
+    where nothing says that it was, None where it was and nothing says to which. inherited : episodes of it to which
+    those were fitted that it came from. parts : of that result, by episode or as "episode[3]" where an episode was cut
+    into windows; None where no result says them. asked : the options of that result, by name; empty where it says none.
     """
 
     id: str | None
@@ -86,6 +86,7 @@ class Simulator:
     robot: "Robot"
     source: str | None = None
     fitted_to: frozenset[str] | None = frozenset()
+    inherited: frozenset[str] = frozenset()
     parts: Mapping[str, Sequence[str]] | None = None
     asked: Mapping[str, Any] = field(default_factory=dict)
 
@@ -186,15 +187,15 @@ def fitted_on(registry: "Registry", found: Simulator) -> tuple[Simulator, Docume
     return _with_parts(registry, found, document, recording), document
 
 
-def descent(registry: "Registry", found: Simulator) -> tuple[Simulator, ...]:
-    """A simulator and those that it came from, as far as they are still kept; itself first."""
-    out = [found]
-    while (parent := out[-1].lineage.get("parent")) is not None:
+def lineages(registry: "Registry", found: Simulator) -> list[Mapping[str, Any]]:
+    """How a simulator came about, and those that it came from, itself first; as far as they are kept and sound."""
+    out = [found.lineage]
+    while (parent := out[-1].get("parent")) is not None:
         try:
-            out.append(stored(registry, *registry.resolve(parent, ("simulator", "entry")), found.robot))
-        except NoMatchError:
+            out.append(registry.simulator(parent).get("lineage", {}))
+        except (NoMatchError, CorruptError):  # an entry, which no recording shaped, or one that is gone
             break
-    return tuple(out)
+    return out
 
 
 def own(found: Simulator, robot: "Robot") -> Simulator:
@@ -332,24 +333,19 @@ def _told_by(registry: "Registry", found: Simulator, recording: str | None) -> D
 def _with_parts(
     registry: "Registry", found: Simulator, document: Document | None, recording: str | None
 ) -> Simulator:
-    """The simulator with what a result about the recording says of it, and what it and its parents were fitted to."""
-    told = {} if document is None else {"parts": document.get("parts"), "asked": document.get("asked") or {}}
-    shaped = [_fitted_to(found, document, recording)]
-    for before in descent(registry, found)[1:]:
-        shaped.append(_fitted_to(before, _told_by(registry, before, recording), recording))
-    return replace(found, fitted_to=None if None in shaped else frozenset().union(*shaped), **told)
-
-
-def _fitted_to(found: Simulator, document: Document | None, recording: str | None) -> frozenset[str] | None:
-    """What a result about the recording, else its own lineage, says that a simulator was fitted to."""
+    """The simulator with what a result about the recording, else its own lineage, says that it was fitted to, and with
+    what those were fitted to that it came from."""
+    before = () if recording is None else lineages(registry, found)[1:]
+    shaped = (one.get("episodes", ()) for one in before if one.get("recording") == recording)
+    found = replace(found, inherited=frozenset().union(*shaped))
     if document is not None:
-        return _fitted(document)
+        told = {"parts": document.get("parts"), "asked": document.get("asked") or {}}
+        return replace(found, fitted_to=_fitted(document), **told)
     fitted = (found.lineage.get("recording"), *found.lineage.get("recordings", ()))
-    if recording is None or recording not in fitted:
-        return frozenset()
-    if recording == found.lineage["recording"] and "episodes" in found.lineage:
-        return frozenset(found.lineage["episodes"])
-    return None
+    made_here = recording is not None and recording in fitted
+    if made_here and recording == found.lineage["recording"] and "episodes" in found.lineage:
+        return replace(found, fitted_to=frozenset(found.lineage["episodes"]))
+    return replace(found, fitted_to=None if made_here else frozenset())
 
 
 def _no_simulator(ref: str, record: "ResultRecord") -> NoMatchError:

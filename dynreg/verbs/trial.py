@@ -97,15 +97,34 @@ def trial(asked: "Built", settings: TrialSettings, progress: Progress | None = N
         needed = trial_threshold(trials, asked.registry, progress, nulls)
         size = min(TOGETHER, -(-many // executor.workers))
         spans = [(first, min(first + size, many)) for first in range(0, many, size)]
-        jobs = [told | {"span": span, "needed": vars(needed)} for span in spans]
+        key = _key(asked.robot, settings, vars(needed))
+        known = {span: asked.registry.cached("trial", key | {"span": span}) for span in spans}
+        jobs = [told | {"span": s, "needed": vars(needed)} for s in spans if known[s] is None]
         report("trials", 0, many)
-        for some in executor.map(tried_some, jobs):
-            results += [TrialResult(**one) for one in some]
+        new = iter(executor.map(tried_some, jobs))
+        for span in spans:
+            if known[span] is None:  # kept at once, so that an interrupted trial goes on
+                known[span] = {"results": next(new)}
+                asked.registry.cache("trial", key | {"span": span}, known[span])
+            results += [TrialResult(**one) for one in known[span]["results"]]
             report("trials", len(results), many)
     notes = [
         f"threshold: {needed.nats:.3g} nats, from {settings.threshold_runs} simulated robots without an effect"
     ]
     return TrialTable.of(asked.robot.name, results, notes)
+
+
+def _key(robot: "Robot", settings: TrialSettings, needed: Mapping[str, Any]) -> dict[str, Any]:
+    """What makes the results of robots these: all but what does the work."""
+    from dynreg.diagnose.threshold import SEARCH
+    from dynreg.verbs.accepted import versions
+
+    how = {
+        name: value
+        for name, value in vars(settings).items()
+        if name not in ("threads", "executor", "address")
+    }
+    return {"robot": robot.hash, "settings": how, "needed": needed, "search": SEARCH, "versions": versions()}
 
 
 def trials_of(robot: "Robot", settings: TrialSettings, threads: int) -> "Trials":

@@ -103,18 +103,28 @@ class TrialFolder:
             )
 
     def _log(self, name: str) -> Path | None:
-        """The log of a trial, whole or not: a file of a format that can be read, or a folder."""
+        """The log of a trial, whole or not; the first of several."""
+        return next(iter(self._logs(name)), None)
+
+    def _logs(self, name: str) -> list[Path]:
+        """All that may be the log of a trial: files of a format that can be read, and folders."""
         known = {suffix for one in formats().values() for suffix in one.suffixes}
         there = sorted(self.path.glob(f"{name}_log*"))
-        return next((path for path in there if path.suffix.lower() in known or path.is_dir()), None)
+        return [path for path in there if path.suffix.lower() in known or path.is_dir()]
 
     def _arrived(self, name: str, refused: State | None = None) -> Path:
         """The answer to a trial once it is whole: its format's end is there, and it has stayed as it is for `QUIET`
         seconds. One in the state `refused` is not taken: it is waited until it changes."""
-        before, since, told = None, time.monotonic(), False
+        before, since, told, many = None, time.monotonic(), False, 1
         there = self._names()
         while True:
-            log = self._answer(name)
+            log, logs = self._answer(name), self._logs(name)
+            if log in logs and len(logs) > 1:
+                if len(logs) != many:
+                    names = ", ".join(path.name for path in logs)
+                    self.say(f"{names} would all be the log of {name}: it is waited until one is left")
+                log = None
+            many = len(logs)
             for other in sorted(self._names() - there) if log is None else ():
                 there.add(other)
                 self.say(f"{other} is not read: {self.answers.format(name=name)} is waited for")

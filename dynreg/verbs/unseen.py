@@ -21,21 +21,23 @@ Seen = Callable[[str, float, float], bool]
 
 
 def seen(asked: "Recorded", one: "Simulator") -> Seen:
-    """Whether a simulator has seen rows of an episode (its name) between two times [s] on its clock.
+    """Whether a simulator, or one that it came from, has seen rows of an episode (its name) between two times [s].
 
-    An episode that was cut into windows and fitted to in part is seen whole, unless its result's windows can be cut
-    again. Where it was fitted to the recording and nothing says to which part, it has seen all of it.
+    Times are on the episode's clock. An episode that was cut into windows and fitted to in part is seen whole, unless
+    its result's windows can be cut again. Where it was fitted to the recording and nothing says to which part, it has
+    seen all of it.
     """
     if one.fitted_to is None:
         return lambda episode, begin, end: True
     if not one.fitted_to:
-        return lambda episode, begin, end: False
+        return lambda episode, begin, end: episode in one.inherited
     held_out = _spans(asked, one)
 
     def known(episode: str, begin: float, end: float) -> bool:
-        return episode in one.fitted_to and not any(
+        own = episode in one.fitted_to and not any(
             name == episode and first <= begin and end <= last for name, first, last in held_out
         )
+        return own or episode in one.inherited
 
     return known
 

@@ -8,7 +8,7 @@ import pytest
 from dynreg.adapt.plan import Stage, StageTable
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.errors import UsageError
-from dynreg.methods.losses import FASTEST, joint_loss, loss_of
+from dynreg.methods.losses import FASTEST, joint_loss, loss_of, mean_velocities
 from dynreg.replay.data import Data, data
 from dynreg.replay.velocity import pose_columns
 from dynreg.replay.windows import Replayer
@@ -111,7 +111,7 @@ def test_a_log_that_ends_before_what_is_skipped_does_not_count(loss: str) -> Non
     found = of(short, loss, skip=0.3).of(points)
     np.testing.assert_allclose(found, of(replace(cut, parts=rest), loss, skip=0.3).of(points))
     measured[cut.parts.chosen, 20:] = np.nan
-    with pytest.raises(UsageError, match="nothing was measured behind skip = 0.3 s"):
+    with pytest.raises(UsageError, match="measured .*behind skip = 0.3 s"):
         of(short, loss, skip=0.3)
 
 
@@ -134,5 +134,49 @@ def test_windows_with_one_pose_tell_no_velocity() -> None:
     measured = cut.windows.measured.copy()
     measured[:, 2:] = np.nan
     once = replace(cut, windows=replace(cut.windows, measured=measured))
-    with pytest.raises(UsageError, match="nothing was measured"):
+    with pytest.raises(UsageError, match="too few poses or speeds were measured behind skip = 0 s"):
         of(once, "velocity")
+
+
+def test_a_circle_has_the_speed_and_the_turn_of_its_arc() -> None:
+    """Of chords that each begin at a heading: ahead r sin(a), left r (1 - cos(a)), turned by a."""
+    cut, radius, turn = recorded(load_robot("diffdrive")), 0.5, 0.8
+    angle = turn * cut.windows.period * np.arange(cut.windows.measured.shape[1])
+    pose = np.stack([radius * np.sin(angle), radius * (1 - np.cos(angle)), angle], axis=-1)
+    states = np.zeros(cut.windows.measured.shape[1:])
+    states[:, pose_columns(cut.robot)] = pose
+    for every in (1, 4):
+        states[np.arange(len(states)) % every != 0] = np.nan
+        step, seconds = every * angle[1], every * cut.windows.period
+        chord = [radius * np.sin(step) / seconds, radius * (1 - np.cos(step)) / seconds, turn]
+        np.testing.assert_allclose(mean_velocities(cut)(states), chord, rtol=1e-9)
+
+
+def test_a_log_that_ends_within_the_shift_is_left_out() -> None:
+    cut = recorded(load_robot("servo_pendulum"))
+    measured, shift = cut.windows.measured.copy(), 10 * cut.windows.period
+    measured[cut.parts.chosen[0], 11:] = np.nan
+    short = replace(cut, windows=replace(cut.windows, measured=measured))
+    assert of(short, "joint", shift=shift).windows.tolist() == cut.parts.chosen[1:].tolist()
+    measured[cut.parts.chosen, 11:] = np.nan
+    with pytest.raises(UsageError, match="no joint angle was measured up to shift"):
+        of(short, "joint", shift=shift)
+
+
+def test_a_simulation_that_diverges_where_nothing_was_measured_is_judged_by_the_rest(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    cut = recorded(load_robot("diffdrive"))
+    measured = cut.windows.measured.copy()
+    measured[:, 60:] = np.nan
+    fell = replace(cut, windows=replace(cut.windows, measured=measured))
+    states = Replayer.states
+
+    def diverging(self, *told):
+        out = states(self, *told)
+        out[:, :, 70:] = np.nan
+        return out
+
+    whole = of(fell, "velocity").of(cut.robot.space.to_unit(cut.start)[None])
+    monkeypatch.setattr(Replayer, "states", diverging)
+    assert of(fell, "velocity").of(cut.robot.space.to_unit(cut.start)[None]) == whole

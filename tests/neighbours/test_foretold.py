@@ -45,3 +45,15 @@ def test_of_a_shared_registry_it_is_told_where_the_bytes_go(stores, tmp_path, mo
         assert told.expected.free_bytes is None and told.expected.bucket == f"s3://{name}/robots"
         assert opened.registry.populations() == ()
     stores.drop(name)
+
+
+def test_what_was_never_linked_is_linked_whole(tmp_path, monkeypatch):
+    monkeypatch.setattr("dynreg.verbs.linking.FITTED", 10)
+    monkeypatch.setattr("dynreg.verbs.foretold.FITTED", 10)
+    with session.open(tmp_path / "registry") as opened:
+        told = {"training": TRAINING, "dry_run": True}
+        opened.populate("servo_pendulum", ENTRIES, training=TRAINING, link=False)
+        unlinked = opened.populate("servo_pendulum", ENTRIES, **told).expected
+        assert unlinked.missing == 0 < unlinked.seconds["link"]
+        opened.populate("servo_pendulum", ENTRIES, training=TRAINING)
+        assert opened.populate("servo_pendulum", ENTRIES, **told).expected.seconds["link"] == 0.0

@@ -2,6 +2,7 @@
 
 import shutil
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from dynreg.distance.query import DistanceQuery
 from dynreg.distance.table import DISTANCES
 from dynreg.errors import CorruptError
 from dynreg.index import GraphSettings, build
+from dynreg.neighbours import retrieve as retrieve_module
 from dynreg.verbs import linking
 from dynreg.verbs.populations import load_graph, load_population
 
@@ -150,3 +152,40 @@ def test_an_index_of_an_older_version_is_asked_and_grows(copy, searching):
     copy.populate("servo_pendulum", ENTRIES + 4, training=TRAINING)
     assert len(load_graph(registry, identity)) == ENTRIES + 4
     assert load_graph(registry, identity).settings.batch == 1
+
+
+@pytest.mark.parametrize("key", ["embedding", "judged", "graph"])
+def test_populating_again_links_anew_where_a_part_of_the_index_is_lost(copy, key):
+    before = index_of(copy)
+    for path in (copy.path / "index").glob(f"*-{key}-*"):
+        path.unlink()
+    assert copy.populate("servo_pendulum", ENTRIES, training=TRAINING).linked == ENTRIES
+    for name, array in index_of(copy).items():
+        np.testing.assert_array_equal(before[name], array, err_msg=name)
+
+
+def test_linking_runs_matrix_products_on_one_core(copy, monkeypatch):
+    """Products of several cores round otherwise."""
+    from threadpoolctl import threadpool_info, threadpool_limits
+
+    seen, link_entries = [], linking.link_entries
+
+    def watched(*told):
+        seen.extend(one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas")
+        return link_entries(*told)
+
+    monkeypatch.setattr(linking, "link_entries", watched)
+    with threadpool_limits(2):
+        copy.populate("servo_pendulum", ENTRIES, training=TRAINING, relink=True)
+    assert seen and set(seen) == {1}
+
+
+def test_a_fall_back_to_the_embedding_counts_what_was_judged_before(servos, monkeypatch):
+    given = asked(servos, 1)
+    sided = DISTANCES["one_sided"].rank(given)
+    far = replace(sided, distance=sided.distance + 10.0)
+    table = {**DISTANCES, "one_sided": SimpleNamespace(rank=lambda _: far, models=True)}
+    monkeypatch.setattr(retrieve_module, "DISTANCES", table)
+    found = retrieve_module.retrieve(given, guess=False)
+    own = DISTANCES["embedding"].rank(given).evaluations
+    assert found.distance_name == "embedding" and found.ranked.evaluations == own + sided.evaluations > own

@@ -9,7 +9,7 @@ from secret_servo import ENTRIES, TRAINING
 
 from dynreg import session
 from dynreg.distance.population import Training
-from dynreg.errors import UsageError
+from dynreg.errors import Assumed, SimulationError, UsageError
 from dynreg.neighbours import entries as module
 from dynreg.neighbours.entries import make_entries, population_id
 from dynreg.registry import Registry, verify
@@ -158,3 +158,56 @@ def test_there_is_no_population_of_nothing(registry, n):
 def test_training_must_be_something(wrong):
     with pytest.raises(UsageError, match=next(iter(wrong))):
         Training(**wrong)
+
+
+def test_base_simulations_that_diverge_are_left_out_with_their_run_up(registry, shared, monkeypatch):
+    simulate = module.rollout
+
+    def diverging(robot, values, run, **named):
+        done = simulate(robot, values, run, **named)
+        done.states[0, 0, 20:24] = np.array([10.0, 100.0, 1000.0, 9000.0])[:, None]
+        done.states[0, 0, 24:] = np.nan
+        return done
+
+    monkeypatch.setattr(module, "rollout", diverging)
+    with pytest.warns(Assumed, match="1 of .* simulated episodes of 'servo_pendulum' diverged"):
+        made = module.make_shared(load_robot("servo_pendulum"), 0, TRAINING, 1)
+    for name, array in made.normaliser.as_arrays().items():
+        np.testing.assert_allclose(array, shared.normaliser.as_arrays()[name], rtol=0.3, atol=0.05)
+
+
+def test_a_robot_whose_every_base_simulation_diverges_is_refused(monkeypatch):
+    simulate = module.rollout
+
+    def diverging(*told, **named):
+        done = simulate(*told, **named)
+        done.states[:, :, 30:] = np.nan
+        return done
+
+    monkeypatch.setattr(module, "rollout", diverging)
+    with pytest.warns(Assumed), pytest.raises(SimulationError, match="every simulated episode"):
+        module.make_shared(load_robot("servo_pendulum"), 0, TRAINING, 1)
+
+
+def test_less_than_an_interrupted_plan_makes_no_more_than_its_shards(registry):
+    def stop(stage: str, done: int, total: int) -> None:
+        if stage == "simulators" and done >= 5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fill(registry, shard_size=5, progress=stop)
+    assert fill(registry, 8, shard_size=5) == 5 and registry.count(POPULATION) == 10
+    assert fill(registry, shard_size=5) == ENTRIES - 10
+
+
+@pytest.mark.parametrize(
+    ("told", "says"),
+    [
+        ({"effects": True, "like": "log", "link": False}, "--effects with --no-link"),
+        ({"effects": True, "like": "log", "ranges": "wide"}, "--effects with --ranges wide"),
+        ({"dry_run": True, "executor": "ray"}, "--dry-run with --executor ray"),
+    ],
+)
+def test_what_would_do_nothing_is_refused(registry, told, says):
+    with pytest.raises(UsageError, match=says):
+        populate(registry, load_robot("servo_pendulum"), 8, PopulateSettings(**told), training=TRAINING)

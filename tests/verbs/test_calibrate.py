@@ -13,7 +13,7 @@ import dynreg.verbs.accepted as accepted
 from dynreg.adapt.plan import read_plan, resolved
 from dynreg.cli.schemas import schema_files
 from dynreg.data.recording import Recording
-from dynreg.errors import Assumed, UsageError
+from dynreg.errors import Assumed, CorruptError, UsageError
 from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.methods.calibrator import Question
 from dynreg.methods.table import METHODS
@@ -28,6 +28,8 @@ from dynreg.sim.real import SimulatedRobot
 from dynreg.sim.robot import load_robot
 from dynreg.sim.stand import on_stand
 from dynreg.verbs.simulators import simulator
+from dynreg.verbs.subjects import recorded
+from dynreg.verbs.unseen import seen
 
 PLAN = """
 [[stages]]
@@ -136,8 +138,8 @@ def test_a_calibration_is_simulated_by_its_word(session: Session, found: dict[st
     nominal, staged = (one["simulator"] for one in compared.rows()[:2])
     assert nominal != staged
     first = found["staged"].versions[0]
-    seen = simulator(session.registry, first.simulator, load_robot("servo_pendulum"), first.recordings[0])
-    assert seen.fitted_to == {*first.episodes}, "a stage says by which episodes it was shaped"
+    stage = simulator(session.registry, first.simulator, load_robot("servo_pendulum"), first.recordings[0])
+    assert stage.fitted_to == {*first.episodes}, "a stage says by which episodes it was shaped"
 
 
 def test_an_interrupted_calibration_goes_on_and_asks_for_the_same_settings(
@@ -202,6 +204,7 @@ def test_a_calibration_that_runs_is_not_begun_beside_itself(session: Session, pl
             asked(session, place, "es", seed=17, budget=30)
 
     asked(session, place, "es", seed=17, budget=30, progress=beside)
+    assert not [*(session.path / "locks").glob("*-*.lock")], "no lock stays"
 
 
 def test_a_calibration_that_ended_is_given_as_it_is_stored(session: Session, place: Path) -> None:
@@ -351,8 +354,33 @@ def test_what_shaped_the_parents_of_a_start_is_told(session: Session, place: Pat
     with pytest.warns(Assumed, match="shaped by e4, which is held out"):
         asked(session, place, "random", seed=22, budget=5, hold_out="e4", start=second)
     bench = session.registry.resolve("bench", ("recording",))[1]
-    seen = simulator(session.registry, second, load_robot("servo_pendulum"), bench)
-    assert "e4" in seen.fitted_to and "e0" not in seen.fitted_to
+    found = simulator(session.registry, second, load_robot("servo_pendulum"), bench)
+    assert "e4" in found.inherited and "e4" not in found.fitted_to and "e0" not in found.inherited
+    has_seen = seen(recorded(session.registry, "bench", ingest=False), found)
+    assert has_seen("e4", 0.0, 0.5) and not has_seen("e0", 0.0, 0.5), "compare asks this"
+    begun = session.diagnose(
+        "bench", start=second, effects=("payload",), threshold_runs=0, hold_out="e0", threads=1
+    )
+    told = simulator(session.registry, begun.calibrated_simulator, load_robot("servo_pendulum"), bench)
+    assert "e4" in told.inherited, "a diagnosis tells what it began with"
+
+
+def test_a_parent_that_is_gone_or_damaged_keeps_no_simulator_from_use(
+    session: Session, found: dict[str, Calibration], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def damaged(*told) -> dict:
+        raise CorruptError("it", expected="what was written", do="verify")
+
+    made, robot = found["staged"], load_robot("servo_pendulum")
+    usual = simulator(session.registry, made.simulator, robot, made.recording)
+    assert usual.inherited == {"e0", "e1", "e2"}
+    own = type(session.registry).simulator
+    monkeypatch.setattr(
+        type(session.registry),
+        "simulator",
+        lambda self, ref: damaged() if ref == made.versions[0].simulator else own(self, ref),
+    )
+    assert simulator(session.registry, made.simulator, robot, made.recording).inherited == frozenset()
 
 
 def test_a_recording_with_a_slash_in_its_name_is_found_by_a_plan(session: Session, place: Path) -> None:

@@ -14,12 +14,14 @@ from dynreg.adapt.tried import Rules
 from dynreg.errors import Assumed, CorruptError, DynregError, LogError, NoMatchError, UsageError
 from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import task_of
+from dynreg.methods import by_reality
 from dynreg.report.html import page
 from dynreg.report.tables import render
 from dynreg.results import Calibration
 from dynreg.session import Session
 from dynreg.sim.real import SimulatedRobot
 from dynreg.sim.robot import Robot
+from dynreg.verbs import accepted
 from dynreg.verbs.scored_folder import ScoredFolder, read_score
 
 TINY = Rules(
@@ -232,6 +234,34 @@ def test_a_run_that_ended_is_not_played_again_by_resume(opened: Session, brief: 
     with pytest.raises(UsageError, match="no trials of an interrupted run.*leave out --resume"):
         calibrated(opened, brief, door, trials=6, resume=True)
     assert door.names == []
+
+
+def test_a_result_that_cannot_be_stored_loses_no_trial(
+    opened: Session, brief: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*told) -> str:
+        raise OSError("no room")
+
+    first, second = Door(), Door()
+    with monkeypatch.context() as patched:
+        patched.setattr(type(opened.registry), "put_result", full)
+        with pytest.raises(OSError, match="no room"):
+            calibrated(opened, brief, first, trials=3)
+    found = calibrated(opened, brief, second, trials=3, resume=True)
+    assert found.cost.trials == 3 == len(first.names) and second.names == []
+
+
+def test_trials_outlive_another_version_of_what_simulates(
+    opened: Session, brief: Robot, whole: Calibration, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, second = Door(6), Door()
+    with pytest.raises(KeyboardInterrupt):
+        calibrated(opened, brief, first)
+    played = by_reality.Played.__call__
+    monkeypatch.setattr(accepted, "version", lambda name: "9.9")
+    monkeypatch.setattr(by_reality.Played, "__call__", lambda self, *told: -played(self, *told))
+    calibrated(opened, brief, second, resume=True)
+    assert "trial_1" not in second.names, "simulations that trials followed from are not run again"
 
 
 def test_the_stored_answer_of_a_run_that_ended_is_given(opened: Session, brief: Robot) -> None:

@@ -216,3 +216,21 @@ def test_a_fall_is_read_as_one(opened: Session, brief: Robot, tmp_path: Path) ->
     found = calibrated(opened, brief, folder, person)
     assert found.on_robot.scores()[0] is None and np.isfinite(found.on_robot.scores()[1])
     assert "trial 1: fell, by trial_1_score.txt" in person.lines
+
+
+def test_of_two_logs_of_a_trial_neither_is_taken(opened: Session, brief: Robot, tmp_path: Path) -> None:
+    folder, said = tmp_path / "trials", []
+
+    def answers(line: str) -> None:
+        said.append(line)
+        if " on the robot (" in line:
+            for name in ("trial_1_log.csv", "trial_1_log (1).csv"):
+                (folder / name).write_text("time,nothing\n0,0\n1,0\n")
+        elif "would all be the log of trial_1" in line:
+            (folder / "trial_1_log (1).csv").unlink()
+        elif "correct trial_1_log.csv" in line:
+            measures(folder, "trial_1")
+
+    found = calibrated(opened, brief, folder, answers, trials=1)
+    assert sum("trial_1_log (1).csv, trial_1_log.csv would all be" in line for line in said) == 1
+    assert found.on_robot.scores() == [0.2]

@@ -12,6 +12,7 @@ from dynreg.sim.beside import own_geoms
 from dynreg.sim.effects import Moment, Terms
 from dynreg.sim.engines.acting import Clock, acting, clock_of, configure_terms, observed, on, with_drives
 from dynreg.sim.engines.alone import Alone
+from dynreg.sim.engines.diverged import diverged, too_fast
 from dynreg.sim.engines.mujoco_model import (
     compiled,
     configure,
@@ -28,7 +29,6 @@ from dynreg.sim.ports import law_changes, servo_law
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run, Simulated, Walk
 
-DIVERGED = 1e4  # rad/s or m/s
 TOUCHING = 1e-3  # m above the ground
 _KEPT = ("qpos", "qvel", "qacc_warmstart", "time", "ctrl", "qfrc_applied")  # what a start consists of
 
@@ -95,7 +95,7 @@ class Simulations:
             self.layout, np.swapaxes(trace_q, 0, 1), np.swapaxes(trace_v, 0, 1), len(self.robot.channels)
         )
         states = self.logged(states)
-        states[_diverged(trace_v)] = np.nan
+        states[diverged(np.swapaxes(trace_v, 0, 1))] = np.nan
         down = np.zeros(trace_q.shape[:2], dtype=bool)
         if self.layout.base_qpos >= 0:
             down = has_fallen(self.robot, trace_q[..., self.layout.base_qpos :])
@@ -110,7 +110,7 @@ class Simulations:
         """
         trace_q, trace_v = self._trace(self._steps(run))
         poses = np.swapaxes(trace_q, 0, 1)
-        poses[_diverged(trace_v)] = np.nan
+        poses[diverged(np.swapaxes(trace_v, 0, 1))] = np.nan
         return poses
 
     def logged(self, states: np.ndarray) -> np.ndarray:
@@ -198,11 +198,6 @@ class Simulations:
         return EffectSteps(batch, self.layout, self._drives, clock, self._busy, *effects)
 
 
-def _diverged(trace_v: np.ndarray) -> np.ndarray:
-    """(n, T+1) whether velocities (T+1, n, nv) have left all bounds by then."""
-    return np.maximum.accumulate(~(np.abs(trace_v).max(axis=2) < DIVERGED), axis=0).T
-
-
 def _walk(
     robot: Robot,
     batch: Batch,
@@ -240,7 +235,7 @@ def _walk(
         trace_q[t + 1], trace_v[t + 1] = qpos[:, at : at + 7], qvel[:, dof : dof + 6]
         if places is not None:
             places[t + 1] = qpos[:, beside]
-        down = standing & (has_fallen(robot, trace_q[t + 1]) | ~(np.abs(qvel).max(axis=1) < DIVERGED))
+        down = standing & (has_fallen(robot, trace_q[t + 1]) | too_fast(qvel))
         if down.any():
             fell[down] = t + 1
             steps.keep(fell > commands)

@@ -18,6 +18,7 @@ from dynreg.sim.engines.acting import (
     true_states,
     with_drives,
 )
+from dynreg.sim.engines.diverged import diverged
 from dynreg.sim.engines.joint_blocks import Joints, integrate
 from dynreg.sim.engines.joint_stops import stop_rows
 from dynreg.sim.engines.mujoco_model import compiled, configure, episode_inputs, joint_inertia, told
@@ -60,6 +61,7 @@ def simulate(
     qpos[..., layout.action_qpos[drives]], qvel[..., layout.action_dof[drives]] = positions, velocities
     states = observe(layout, qpos, qvel, len(robot.channels))
     states = observed(robot, active, states, ports, period)
+    states[diverged(velocities)] = np.nan
     return Simulated(states, np.full(len(values), run.steps + 1), substeps * run.steps)
 
 
