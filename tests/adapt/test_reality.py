@@ -332,6 +332,27 @@ def test_what_was_interrupted_goes_on_to_the_same_end_and_counts_every_trial_onc
     assert [one.lost for one in second.counted] == [False] * breaks + [True] * (not keeps)
 
 
+def test_resumed_runs_and_new_ones_are_those_of_a_run_that_was_not_interrupted(tmp_path: Path) -> None:
+    """With two simulators in step 1, of which each run counts."""
+    rules, counts = replace(SMALL, near=2), []
+
+    def counting(gaits: np.ndarray, simulators: np.ndarray) -> np.ndarray:
+        counts[-1] += len(gaits) * len(simulators)
+        return scores(gaits, simulators)
+
+    def journal(resume: bool):
+        return lambda step: Journal(tmp_path / f"{step}.jsonl", {"of": step}, resume=resume)
+
+    found = []
+    for breaks, told in ((None, {}), (40, {"journal": journal(False)}), (None, {"journal": journal(True)})):
+        counts.append(0)
+        try:
+            found.append(run(Robot(breaks=breaks), rules, play=counting, **told))
+        except KeyboardInterrupt:
+            assert breaks
+    assert found[1].resumed > 0 and counts[2] + found[1].resumed == counts[0]
+
+
 def test_every_trial_that_was_lost_is_counted_in_every_later_run(tmp_path: Path) -> None:
     for resume in (False, True, True):
         with pytest.raises(KeyboardInterrupt):
@@ -425,6 +446,7 @@ def test_no_more_simulations_are_run_than_the_budget_allows(share: float) -> Non
         ({"goal": float("nan")}, "goal = nan; expected a score"),
         ({"goal": float("inf")}, "goal = inf; expected a score"),
         ({"hope": float("nan")}, "hope = nan; expected a score"),
+        ({"search": "ga"}, "search = 'ga' with gaits = 15: .* expected an even population"),
     ],
 )
 def test_sizes_that_make_no_sense_are_refused(wrong: dict, message: str) -> None:

@@ -2,6 +2,7 @@
 
 import importlib.metadata
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import dynreg.verbs.accepted as accepted
 from dynreg.adapt.plan import read_plan, resolved
 from dynreg.cli.schemas import schema_files
 from dynreg.data.recording import Recording
-from dynreg.errors import Assumed, CorruptError, UsageError
+from dynreg.errors import Assumed, CorruptError, RobotError, UsageError
 from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.methods.calibrator import Question
 from dynreg.methods.table import METHODS
@@ -392,6 +393,33 @@ def test_a_recording_with_a_slash_in_its_name_is_found_by_a_plan(session: Sessio
         ["bench", "lab/monday"], method="staged", plan=place / "lab.toml", budget=30, threads=1
     )
     assert found.versions[0].recordings == (lab.recording,)
+
+
+def test_an_episode_that_ends_before_what_is_skipped_shapes_no_stage(session: Session, place: Path) -> None:
+    robot = load_robot("servo_pendulum")
+    bench = session.registry.recording(session.registry.resolve("bench", ("recording",))[1])
+    short = replace(bench.episodes[0], time=bench.episodes[0].time[:8], values=bench.episodes[0].values[:8])
+    session.ingest(Recording(bench.channels, (short, *bench.episodes[1:])), robot, name="one is short")
+    path = place / "skips.toml"
+    path.write_text(
+        '[[stages]]\nname = "one"\nparameters = ["tip_mass"]\nloss = "joint"\nskip = 0.3\ngenerations = 1\n'
+    )
+    found = session.calibrate("one is short", method="staged", plan=path, threads=1, hold_out="e4")
+    assert found.versions[0].episodes == ("e1", "e2", "e3")
+
+
+def test_a_robot_that_is_refused_is_refused_before_any_simulation(
+    session: Session, place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*told) -> None:
+        raise RobotError("it cannot be used", expected="a sound one", do="mend it")
+
+    def never(stage: str, done: int, total: int) -> None:
+        raise AssertionError("something is simulated")
+
+    monkeypatch.setattr(accepted, "accept", refused)
+    with pytest.raises(RobotError, match="it cannot be used"):
+        asked(session, place, "es", seed=30, budget=30, progress=never)
 
 
 def test_a_mistake_in_a_later_stage_is_told_before_any_simulation(session: Session, place: Path) -> None:
