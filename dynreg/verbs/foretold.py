@@ -110,14 +110,14 @@ def _measured(place: Path, robot: Robot, plan: Plan, report: Progress) -> _Told:
     with Registry.open(place, create=True) as scratch:
         trial = Plan(few, plan.seed, small, all_made, plan.threads)
         identity = begin(scratch, robot, trial, Stopwatch(), report)
-        fill(scratch, identity, here, Stopwatch(), lambda there: None, few)
+        fill(scratch, identity, here, Stopwatch(), lambda there: None)
         link(scratch, identity, threads=plan.threads)  # the first time takes longer
         small_links, _ = _linked(scratch, identity, plan.threads)
         warm, watch = _peak(), Stopwatch()
         with watch.of("base"):
             make_shared(robot, plan.seed, small, plan.threads)
         begin(scratch, robot, replace(trial, n=all_made), watch, report)
-        fill(scratch, identity, here, watch, lambda there: report("trial", there, all_made), all_made)
+        fill(scratch, identity, here, watch, lambda there: report("trial", there, all_made))
         resident = _peak()
         links, evaluations = _linked(scratch, identity, plan.threads)
         sizes = {name: _bytes(place / name) / all_made for name in FOLDERS}

@@ -272,7 +272,7 @@ def _alarm(judgement: Judgement, entries: int) -> tuple[str | None, tuple[str, .
     why = (
         "The model lacks an effect, or its parameter ranges are too narrow"
         if judgement.sharpened
-        else f"There are {entries} simulators alone, too few to make one of: populate more"
+        else f"The population has {entries} simulators, too few to make another of them: populate more"
         if entries < FEWEST
         else "No search about it was made (--no-synthesise, or a small --budget): another simulator may fit"
     )

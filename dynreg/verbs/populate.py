@@ -49,8 +49,9 @@ def populate(
 
     Entry i has the parameters of row i of the Sobol sequence over the robot's ranges. It is simulated with the commands
     of the shared bank and with its own motor noise; its model is warm-started from the base model. Its bytes depend
-    only on the robot, the seed and i. An interrupted populate resumes. Several processes share the work, and each
-    returns when all entries are done: those of an executor take a shard each.
+    only on the robot, the seed and i. An interrupted populate resumes; with fewer entries it makes these, in whole
+    shards. Several processes share the work, and each returns when all entries are done: those of an executor take a
+    shard each.
 
     With `effects` the entries carry one effect each, or none, under the commands of the recording `like`.
 
@@ -128,7 +129,7 @@ def with_models(
     advance = lambda there: report("simulators", min(there, n), n)  # noqa: E731
     with opened(settings.executor, settings.address, settings.threads) as executor:
         identity = begin(registry, robot, plan, watch, report)
-        added = fill(registry, identity, executor, watch, advance, n)
+        added = fill(registry, identity, executor, watch, advance, stop=n)
     linked, evaluations = 0, 0
     if settings.link:
         report("link", 0, 1)
@@ -179,7 +180,7 @@ def with_effects(
         given = posed(like, settings.seed, settings.threads)
         identity = begin(registry, robot, given, n)
         hold(given, settings.threads)
-        added = fill(registry, identity, executor, watch, advance, n, fill_span)
+        added = fill(registry, identity, executor, watch, advance, fill_span, stop=n)
     report("link", 0, 1)
     with watch.of("train"):
         population, _, _ = held(registry, identity)

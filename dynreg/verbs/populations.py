@@ -112,17 +112,18 @@ def fill(
     executor: Executor,
     watch: Stopwatch,
     report: Callable[[int], None],
-    stop: int,
     made_by: Callable[..., tuple[int, dict[str, float]]] | None = None,
+    *,
+    stop: int | None = None,
 ) -> int:
-    """Have the missing ones of the first `stop` entries made and stored, a shard a job; how many were added.
+    """Have the missing ones of the first `stop` entries (by default of all) made and stored, a shard a job: how many.
 
     Other processes are waited for; a claim of one ends with it. report : called with how many entries are there.
     made_by : makes a shard, as `fill_span`, the usual one, does.
     """
     told = {"registry": str(registry.path.resolve()), "population": identity, "threads": executor.threads}
     total = 0
-    while spans := [span for span in registry.missing_spans(identity) if span[0] < stop]:
+    while spans := [s for s in registry.missing_spans(identity) if stop is None or s[0] < stop]:
         added = 0
         for made, seconds in executor.map(made_by or fill_span, [told | {"span": span} for span in spans]):
             added += made

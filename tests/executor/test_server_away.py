@@ -38,7 +38,7 @@ def _populated(registry: Registry, begun: Callable[[], None] = lambda: None) -> 
     plan, watch = Plan(SHARDS * EACH, 0, tiny_registry.QUICK, EACH, 1), Stopwatch()
     identity = begin(registry, load_robot(ROBOT), plan, watch, lambda *_: None)
     begun()
-    return fill(registry, identity, Local(1), watch, lambda _: None, plan.n)
+    return fill(registry, identity, Local(1), watch, lambda _: None)
 
 
 def _stopping(monkeypatch: pytest.MonkeyPatch, place: str, stop: Callable[[], None]) -> None:

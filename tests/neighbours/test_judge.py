@@ -16,6 +16,7 @@ from dynreg.report.neighbours import next_steps, refusal, verdict
 from dynreg.rng import stream
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
+from dynreg.verbs.neighbours import _alarm
 
 
 def tilted(degrees: float):
@@ -112,6 +113,16 @@ def test_an_error_that_the_search_left_raises_no_alarm(promised, fits, ended):
     judged = Judgement(error=0.03, promised=promised, **about)
     assert (judged.fits, judged.ended) == (fits, ended)
     assert judged.misfit == pytest.approx(3.0) and judged.misfit_limit == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize(
+    ("entries", "says"),
+    [(2, "has 2 simulators, too few to make another"), (3, "--no-synthesise, or a small")],
+)
+def test_an_alarm_says_why_no_search_was_made(entries, says):
+    about = {"usual": 0.01, "limit": 0.015, "unsteady": 1.0, "repeats": 0, "sharpened": False}
+    alarm, _ = _alarm(Judgement(error=0.03, promised=1.0, **about), entries)
+    assert says in alarm
 
 
 def test_one_robot_tells_no_limit():
