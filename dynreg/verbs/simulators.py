@@ -74,9 +74,10 @@ class Simulator:
     that is another one than was asked with. lineage : how it came about.
     source : id of the result that told it, None where it was named itself.
     fitted_to : episodes of the recording to which it was fitted, or by which it was chosen, whole or in part; empty
-    where nothing says that it was, None where it was and nothing says to which. inherited : episodes of it to which
-    those were fitted that it came from. parts : of that result, by episode or as "episode[3]" where an episode was cut
-    into windows; None where no result says them. asked : the options of that result, by name; empty where it says none.
+    where nothing says that it was, None where it was and nothing says to which. parts : of that result, by episode or
+    as "episode[3]" where an episode was cut into windows; None where no result says them. asked : the options of that
+    result, by name; empty where it says none. inherited : episodes of the recording to which those were fitted that it
+    came from.
     """
 
     id: str | None
@@ -86,9 +87,9 @@ class Simulator:
     robot: "Robot"
     source: str | None = None
     fitted_to: frozenset[str] | None = frozenset()
-    inherited: frozenset[str] = frozenset()
     parts: Mapping[str, Sequence[str]] | None = None
     asked: Mapping[str, Any] = field(default_factory=dict)
+    inherited: frozenset[str] = frozenset()
 
 
 def simulator(registry: "Registry", ref: str, robot: "Robot", recording: str | None = None) -> Simulator:

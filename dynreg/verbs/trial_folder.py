@@ -184,7 +184,7 @@ def folder_of(path: str | Path) -> Path:
     """The folder at `path`, made where it is new; UsageError where it cannot be."""
     folder = Path(path)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(exist_ok=True)
         with TemporaryFile(dir=folder):  # found out before time is spent on a gait
             pass
     except OSError as error:

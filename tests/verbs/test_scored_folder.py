@@ -218,13 +218,6 @@ def test_a_fall_is_read_as_one(opened: Session, brief: Robot, tmp_path: Path) ->
     assert "trial 1: fell, by trial_1_score.txt" in person.lines
 
 
-def test_a_folder_of_trials_is_made_with_those_above_it(
-    opened: Session, brief: Robot, tmp_path: Path
-) -> None:
-    folder = tmp_path / "kicks" / "left"
-    assert calibrated(opened, brief, folder, Person(folder, measures), trials=1).on_robot.scores() == [0.2]
-
-
 def test_of_two_logs_of_a_trial_neither_is_taken(opened: Session, brief: Robot, tmp_path: Path) -> None:
     folder, said = tmp_path / "trials", []
 

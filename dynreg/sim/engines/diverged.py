@@ -7,7 +7,7 @@ DIVERGED = 1e4  # rad/s or m/s: our choice, far beyond what any robot reaches
 
 def too_fast(speeds: np.ndarray) -> np.ndarray:
     """(...) whether speeds (..., V) are beyond all bounds, or no numbers."""
-    return ~(np.abs(speeds).max(axis=-1) < DIVERGED)
+    return ~(np.abs(speeds).max(axis=-1, initial=0.0) < DIVERGED)
 
 
 def diverged(speeds: np.ndarray) -> np.ndarray:
