@@ -107,10 +107,10 @@ class Journals:
         return Journal(path, key, resume=self.resume and (stage == self.trials or self._serves(path, stage)))
 
     def _serves(self, path: Path, stage: str) -> bool:
-        """Whether the simulations that an interrupted run left can be used; where not, it is said.
+        """Whether the simulations that an interrupted run left can be used; where not, that is told.
 
-        Those of other versions cannot, but where trials on a robot followed from them. There damaged ones cannot:
-        elsewhere all may begin anew.
+        Those by other versions are run again, unless trials on a robot followed from them. Damaged ones are run again
+        where there are such trials; elsewhere an error says so, and all may begin anew.
         """
         if not path.is_file():
             return True
