@@ -78,7 +78,8 @@ class TrialSettings(Settings):
 def trial(asked: "Built", settings: TrialSettings, progress: Progress | None = None) -> "TrialTable":
     """Hide effects in simulated robots and diagnose them.
 
-    The simulated robots have parameters off their nameplate, sensor noise, and a finer time step than the model.
+    The simulated robots have parameters off their nameplate, sensor noise, and a finer time step than the model. A
+    trial that was interrupted goes on with the same command.
 
     Example: dynreg trial servo_pendulum --effect load_friction --size weak -n 10
     """

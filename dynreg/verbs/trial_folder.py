@@ -125,7 +125,8 @@ class TrialFolder:
                     self.say(f"{names} would all be the log of {name}: it is waited until one is left")
                 log = None
             many = len(logs)
-            for other in sorted(self._names() - there) if log is None else ():
+            strange = self._names() - there - {path.name for path in logs}
+            for other in sorted(strange) if log is None else ():
                 there.add(other)
                 self.say(f"{other} is not read: {self.answers.format(name=name)} is waited for")
             now = None if log is None else state(log)
