@@ -239,7 +239,11 @@ def test_a_run_that_ended_is_not_played_again_by_resume(opened: Session, brief: 
 def test_a_result_that_cannot_be_stored_loses_no_trial(
     opened: Session, brief: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(*told) -> str:
+    stored = type(opened.registry).put_result
+
+    def full(self, kind: str, *told) -> str:
+        if kind != "calibration":
+            return stored(self, kind, *told)  # the gait still has room
         raise OSError("no room")
 
     first, second = Door(), Door()

@@ -542,6 +542,24 @@ def test_a_log_is_read_when_it_is_whole(
     assert len(slow) == 2 and str(mcap) in slow[0] and str(bag) in slow[1]
 
 
+def test_while_there_are_two_logs_neither_is_taken_nor_called_unread(
+    brief: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    download, log = tmp_path / "trial_1_log (1).csv", tmp_path / "trial_1_log.csv"
+    steps = [
+        (1.0, lambda: download.write_text("time\n")),
+        (0.0, lambda: log.write_text("time\n")),
+        (60.0, download.unlink),
+    ]
+    clock, said = Clock(steps), []
+    monkeypatch.setattr("dynreg.verbs.trial_folder.time", clock)
+    assert TrialFolder(tmp_path, None, brief, say=said.append)._arrived("trial_1") == log
+    assert clock.now >= 61.0
+    assert [line.partition(":")[0] for line in said] == [
+        "trial_1_log (1).csv, trial_1_log.csv would all be the log of trial_1"
+    ]
+
+
 def test_a_log_that_goes_away_is_waited_for_again(
     brief: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -233,5 +233,5 @@ def test_of_two_logs_of_a_trial_neither_is_taken(opened: Session, brief: Robot, 
 
     found = calibrated(opened, brief, folder, answers, trials=1)
     assert sum("trial_1_log (1).csv, trial_1_log.csv would all be" in line for line in said) == 1
-    assert not any("is not read" in line for line in said), "each of them could be"
+    assert not any("correct trial_1_log (1).csv" in line for line in said), "neither was read"
     assert found.on_robot.scores() == [0.2]
