@@ -23,6 +23,7 @@ import logging
 import tempfile
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +46,7 @@ from dynreg.replay.data import Data, data
 from dynreg.replay.windows import Replayer
 from dynreg.sim.config import SimConfig, effects_of
 from dynreg.sim.effects import Terms
+from dynreg.sim.real import finer
 from dynreg.sim.robot import Robot
 
 REPORT = 20261203
@@ -232,7 +234,10 @@ def answer(
     threads, free = given.threads, {"rollouts": 0, "core seconds": 0.0, "ended": ""}
     if method in (TRUE, NOMINAL):
         made = itself(cut, hidden) if method == TRUE else SimConfig.of(cut.robot, cut.start)
-        return {**judged(cut, made, threads), **free}, made
+        found = judged(cut, made, threads)
+        if method == TRUE and secret.robot in FEET:
+            found["error"] = judged(replace(cut, robot=finer(cut.robot)), made, threads)["error"]
+        return {**found, **free}, made
     if method == PEER:
         return identified(cut, threads), None
     if method == BTR:

@@ -37,6 +37,7 @@ PLANS = {  # of `staged`: the drives first, then all
 FEET = ("quadruped", "aibo")  # in turn: a log is told in trials, and not in seconds
 WALKERS = ("load_friction", "payload", "command_lag", "torque_limit", "backlash", "ground_friction")
 SIZE = "medium"
+HELD = 6  # stands of a quadruped, and trots, to test
 AIBO = {"fit": 6, "test": 3}  # walks of an AIBO
 
 
@@ -78,7 +79,7 @@ class Secret:
         if self.robot == "aibo":
             return walked(robot, self.cause is not None, self.seed)
         if self.robot == "quadruped":
-            plan = plan_of(robot)
+            plan = plan_of(robot, HELD)
         else:
             plan = protocol(robot, seed=self.seed, seconds=self.seconds)
         if self.robot in KINDS:

@@ -70,14 +70,25 @@ def trot(robot: Robot, rng: np.random.Generator, way: float) -> np.ndarray:
     return out
 
 
-def plan_of(robot: Robot) -> Protocol:
-    """The commands of all trials: stand, trot, stand, trot to fit, the same to select; one of each to test."""
+def plan_of(robot: Robot, held: int = 0) -> Protocol:
+    """The commands of all trials: stand, trot, stand, trot to fit, the same to select; one of each to test.
+
+    held : so many of each to test, other ones. A single trial tells little: where a foot slips half a time step earlier,
+    the robot ends up elsewhere.
+    """
     kinds = ("levels", "chirp", "levels")
     stands = [stand(robot, stream(TUNE, "stand", i), kind) for i, kind in enumerate(kinds)]
     trots = [trot(robot, stream(TUNE, "trot", i), way) for i, way in enumerate((1.0, -1.0, 1.0))]
     fits = [stands[0], trots[0], stands[1], trots[1]]
-    actions = np.array([*fits, *fits, stands[2], trots[2]])
-    names = [f"{part}_{i}" for part, many in (("fit", 4), ("select", 4), ("test", 2)) for i in range(many)]
+    names = [f"{part}_{i}" for part in ("fit", "select") for i in range(4)]
+    tests = {"test_0": stands[2], "test_1": trots[2]}
+    if held:
+        tests = {}
+        for i in range(held):
+            tests[f"test_stand_{i}"] = stand(robot, stream(TUNE, "held stand", i), "levels")
+            tests[f"test_trot_{i}"] = trot(robot, stream(TUNE, "held trot", i), (-1.0) ** i)
+    actions = np.array([*fits, *fits, *tests.values()])
+    names = [*names, *tests]
     begin = np.arange(len(actions)) * (STEPS + 1) / robot.rate
     return Protocol(Run(actions, period=1.0 / robot.rate, begin=begin), tuple(names))
 
