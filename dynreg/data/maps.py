@@ -180,7 +180,9 @@ class HeadMap(_Strict):
         default=None, description="The robot that the map is for; other robots are then refused."
     )
     time: str | None = Field(
-        default=None, description="The column with the time; without it, the usual names are tried."
+        default=None,
+        description="The column with the time; without it, the usual names are tried. Of a log of messages, `log`: the "
+        "recorder's stamps in place of those in headers.",
     )
     time_unit: Literal["s", "ms", "us", "ns"] = Field(default="s", description="Unit of that column.")
     note: str | None = Field(default=None, description="One line for people.")

@@ -147,6 +147,17 @@ def test_header_of_another_clock_is_shifted_and_told(tmp_path: Path):
     assert [f.check for f in log.findings] == ["clock"]
 
 
+@pytest.mark.parametrize(("ahead", "said"), [(5.0, "5 s from"), (0.2, "0.2 s ahead"), (0.02, ""), (-0.3, "")])
+def test_a_header_clock_that_is_another_is_told(tmp_path: Path, ahead: float, said: str):
+    at = [START + round(ahead * 1e9) + k * STEP for k in range(5)]
+    stamps = [{"sec": t // 10**9, "nanosec": t % 10**9} for t in at]
+    write_json_mcap(tmp_path / "a.mcap", [{"header": {"stamp": s}, "v": k} for k, s in enumerate(stamps)])
+    log = read_log(tmp_path / "a.mcap")
+    begin = log.sources["/arm.v"].time[0]  # s after the recorder's first stamp
+    assert begin == pytest.approx(0.0 if ahead > 1 else ahead, abs=1e-6)
+    assert [said in f.message for f in log.findings if f.check == "clock"] == ([True] if said else [])
+
+
 def test_protobuf_messages(tmp_path: Path):
     from google.protobuf.wrappers_pb2 import DoubleValue
     from mcap_protobuf.writer import Writer as ProtoWriter

@@ -22,7 +22,8 @@ MAX_DEPTH = 16
 MAX_LEAVES = 4096  # most signals of one topic
 MAX_PARTS = 16 * MAX_LEAVES  # most numbers and containers of one message
 JOINT_STATE = ("position", "velocity", "effort")
-FOREIGN_CLOCK = 60.0  # [s] header stamps further than this from the log's own are of another clock
+FOREIGN_CLOCK = 1.0  # [s] header stamps further than this from the log's own are of another clock
+AHEAD = 0.05  # [s] no message is logged before it is stamped, by one clock
 
 Leaf = float | int | np.number | np.bool_ | np.ndarray
 
@@ -222,7 +223,14 @@ class Topic:
             return log, [Finding("warning", "clock", self.name, text)] if odd else []
         header = since(stamps, start) * 1e-9
         lag = float(np.median(header - log))
-        if abs(lag) <= FOREIGN_CLOCK:
+        if abs(lag) > FOREIGN_CLOCK:
+            text = f"header stamps are {lag:.3g} s from the log's clock; shifted by their median difference"
+            return header - lag, [Finding("warning", "clock", self.name, text)]
+        if lag <= AHEAD:
             return header, []
-        text = f"header stamps are {lag:.0f} s from the log's clock; shifted by their median difference"
-        return header - lag, [Finding("warning", "clock", self.name, text)]
+        text = (
+            f"header stamps are {lag:.3g} s ahead of the log's clock: the robot's clock and the recorder's differ; "
+            "topics without header stamps are late by that; set `delay` of their channels in the map, or "
+            'time = "log" under [map]'
+        )
+        return header, [Finding("warning", "clock", self.name, text)]

@@ -9,7 +9,7 @@ import numpy as np
 
 from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.budget import Budget
-from dynreg.data.readers.messages import FOREIGN_CLOCK, MAX_ITEMS, Topic, get, header_stamp
+from dynreg.data.readers.messages import MAX_ITEMS, Topic, get, header_stamp
 from dynreg.data.readers.numbers import number
 from dynreg.data.series import Finding, RawLog, Series
 
@@ -19,6 +19,7 @@ TRAJECTORY = {
     "accelerations": "acceleration",
     "effort": "effort",
 }
+PLANNED = 60.0  # [s] a trajectory that begins further than this from when it was logged has a stamp of another clock
 MAX_POINTS = 4096  # most points of one trajectory
 MOST = 1000  # rows from one point to the next, however far they are apart
 FINE = 0.01  # [s] between rows of the straight line from one point of a trajectory to the next
@@ -165,7 +166,7 @@ def _items(message: Any, field: str) -> list[Any]:
 def _begins(message: Any, stamp: int) -> int:
     """When a trajectory begins [ns]: at its header's stamp where that is one, else when it was logged."""
     told = header_stamp(message)
-    return told if told is not None and told >= 0 and abs(told - stamp) * 1e-9 < FOREIGN_CLOCK else stamp
+    return told if told is not None and told >= 0 and abs(told - stamp) * 1e-9 < PLANNED else stamp
 
 
 def _is_text(value: Any) -> bool:
