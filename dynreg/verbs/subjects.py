@@ -93,13 +93,16 @@ def _read(paths: list[Path], robot: "Robot", log_map: "str | Path | LogMap | Non
         return read_recording(paths, spec, log_map if isinstance(log_map, LogMap) else read_map(log_map))
     try:
         return read_recording(paths, spec, None)
-    except DynregError as first:
+    except DynregError as unmapped:
+        told = unmapped
         for path in sorted((robot.folder / "maps").glob("*.toml")):
             try:
                 return read_recording(paths, spec, read_own_map(path))
-            except (LogError, MapError):
-                continue
-        raise first from None
+            except MapError:
+                continue  # it is the map of another log
+            except LogError as problem:  # its map, and something is wrong with it
+                told = problem if told is unmapped else told
+        raise told from None
 
 
 EFFECTS = "effects"  # the kind of a population whose entries carry one effect each

@@ -7,7 +7,7 @@ import pytest
 import tiny_registry
 
 from dynreg import session
-from dynreg.errors import RobotError
+from dynreg.errors import LogError, RobotError
 from dynreg.registry import Registry
 from dynreg.sim import child
 from dynreg.sim.robot import load_robot, packaged_robots
@@ -97,3 +97,9 @@ def test_the_maps_of_a_copied_folder_are_its_own_under_another_name(tmp_path: Pa
     recording = read_log(log, load_robot(own))
     assert {*columns} <= {channel.name for channel in recording.channels}
     assert not [f for f in doctor([log], str(own), None).findings if f.severity == "error"]
+    (own / "maps" / "another.toml").write_text(told.replace('"p"', '"else"'), encoding="utf-8")
+    log.write_text("time,p,v,t\n" + rows + "0.5,1.0,1.0,1.0\n", encoding="utf-8")
+    with pytest.raises(
+        LogError, match="the clock runs back by 0.49"
+    ):  # its map is there: that is what is wrong
+        read_log(log, load_robot(own))
