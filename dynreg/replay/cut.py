@@ -63,18 +63,19 @@ def _cuts(robot: Robot, rows: Rows, number: int) -> list[Cut]:
 
 
 def _filled(robot: Robot, rows: Rows, cuts: list[Cut]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Commands (W, T, A) and inputs (W, T, I), held from row to row, and measured states (W, T+1, S).
+    """Commands (W, T, A) and inputs (W, T, I), held from row to row of the episode, and measured states (W, T+1, S).
 
     A shorter window's last commands go on to the end; its states are NaN there.
     """
     steps = max(stop - start for _, start, stop in cuts) - 1
+    told = [held(every, np.zeros(len(robot.actions))) for every in rows.actions]
+    given = [held(every, robot.input_defaults) for every in rows.inputs]
     actions = np.empty((len(cuts), steps, len(robot.actions)))
     inputs = np.empty((len(cuts), steps, len(robot.inputs)))
     measured = np.full((len(cuts), steps + 1, len(robot.channels)), np.nan)
     for w, (number, start, stop) in enumerate(cuts):
-        last = np.minimum(np.arange(steps), stop - start - 2)
-        actions[w] = held(rows.actions[number][start:stop], np.zeros(len(robot.actions)))[last]
-        inputs[w] = held(rows.inputs[number][start:stop], robot.input_defaults)[last]
+        at = start + np.minimum(np.arange(steps), stop - start - 2)
+        actions[w], inputs[w] = told[number][at], given[number][at]
         measured[w, : stop - start] = rows.states[number][start:stop]
     return actions, inputs, measured
 

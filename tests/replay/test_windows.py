@@ -146,6 +146,20 @@ def test_a_command_that_was_not_logged_is_the_last_one_held(robot, recording):
     np.testing.assert_array_equal(cut.run.actions[:, 13:], full[:, 13:])
 
 
+def test_a_window_between_two_commands_has_the_one_that_stands(robot, recording):
+    target = columns(recording, "arm/target")[0]
+
+    def lose(number, values):
+        values[:, target] = np.where(np.arange(len(values)) % 40 == 0, values[:, target], np.nan)
+
+    fine = with_horizon(robot, 0.25)
+    changed = edited(recording, lose)
+    cut = windows(fine, changed)
+    for window in np.flatnonzero(cut.episode == 1):
+        first = int(cut.rows[window, 0])
+        assert cut.run.actions[window, 0, 0] == changed.episodes[1].values[first // 40 * 40, target]
+
+
 def test_recordings_that_cannot_be_replayed_say_why(robot, recording):
     drop = lambda name: Recording(  # noqa: E731
         tuple(c for c in recording.channels if c.name != name),
