@@ -20,6 +20,7 @@ SLOW_STEP = 2.0  # [s] between rows: a clock in another unit
 TURNS = 20.0  # [rad] an angle beyond this without stated limits is worth a word
 BEYOND = 5.0  # times its limit: no scatter, another unit
 LIMIT_MARGIN = 0.01  # share of the range
+WRAPPED = 0.3  # [rad] what is left of a step by a whole turn
 AGREEMENT = (0.7, 1.4)  # slope of a velocity channel on the derivative of its position
 MISTAKES: Mapping[str, float] = {
     "deg": 180 / np.pi,
@@ -52,7 +53,7 @@ def check_episode(episode: RawEpisode, spec: RecordingSpec, gap: float) -> tuple
     findings += check_clocks(shown, where, None if spec.rate is None else gap, only_gaps=True)
     for name, series in episode.channels.items():
         here = f"{where}, {name}"
-        findings += check_numbers(series, here, episode.dropped.get(name))
+        findings += check_numbers(series, here, episode.dropped.get(name), optional=specs[name].optional)
         # an impact is over in a sample of a velocity; a position cannot come back so
         told = specs[name].kind in ("state", "input") and specs[name].unit not in ("rad/s", "m/s")
         findings += check_spikes(series, here, f"under [channels.{json.dumps(name)}]") if told else ()
@@ -150,16 +151,23 @@ def check_gaps(time: np.ndarray, where: str, gap: float) -> Iterator[Finding]:
             "warning",
             "gap",
             f"{where}, row {first + 1}",
-            f"{len(long)} gaps longer than {gap:g} s, the first {steps[first]:.3f} s at {time[first]:.3f} s, "
-            f'the longest {steps.max():.3f} s; split there with by = "gaps" under [episodes]',
+            f"{len(long)} {'gap' if len(long) == 1 else 'gaps'} longer than {gap:g} s, the first "
+            f"{steps[first]:.3f} s at {time[first]:.3f} s, the longest {steps.max():.3f} s; "
+            'split there with by = "gaps" under [episodes]',
         )
 
 
-def check_numbers(series: Series, where: str, dropped: np.ndarray | None = None) -> Iterator[Finding]:
-    """Values that are no numbers, but for those at the stamps `dropped` (N,), which the map wanted away."""
+def check_numbers(
+    series: Series, where: str, dropped: np.ndarray | None = None, *, optional: bool = False
+) -> Iterator[Finding]:
+    """Values that are no numbers, but for those at the stamps `dropped` (N,), which the map wanted away.
+
+    optional : whether an episode may do without the channel.
+    """
     bad = ~np.isfinite(series.values)
     if bad.all():
-        yield Finding("error", "nan", where, "holds no number at all")
+        text = "holds no number at all" + ("; it is left out" if optional else "")
+        yield Finding("warning" if optional else "error", "nan", where, text)
         return
     if dropped is not None and len(dropped):
         bad &= ~np.isin(series.time, dropped)
@@ -225,10 +233,19 @@ def check_range(
                 )
             yield Finding("warning", "limits", where, text)
     if channel.unit == "rad" and channel.kind != "action" and largest < 7.0 and not followed:
-        jumps = np.flatnonzero(np.abs(np.abs(np.diff(values)) - 2 * np.pi) < 0.3)
+        jumps = _wraps(values)
         if len(jumps):
-            text = f"jumps by a whole turn {len(jumps)} times; set unwrap = true in the map"
+            often = "once" if len(jumps) == 1 else f"{len(jumps)} times"
+            text = f"jumps by a whole turn {often}; set unwrap = true in the map"
             yield Finding("warning", "wrap", f"{where}, row {int(jumps[0]) + 1}", text)
+
+
+def _wraps(values: np.ndarray) -> np.ndarray:
+    """Rows of angles (T,) [rad] after which a whole turn is missing: what is left of the step is as small as others."""
+    steps = np.abs(np.diff(values))
+    long = steps > np.pi
+    usual = float(np.quantile(steps[~long], 0.99)) if not long.all() else 0.0
+    return np.flatnonzero(long & (np.abs(steps - 2 * np.pi) < max(WRAPPED, 2 * usual)))
 
 
 def _stuck_channels(episode: RawEpisode, specs: Mapping[str, ChannelSpec], where: str) -> Iterator[Finding]:

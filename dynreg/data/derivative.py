@@ -14,10 +14,10 @@ GRID_LIMIT = 200_000  # rows; beyond it a grid far denser than the log is taken 
 def derivative(series: Series, filter_hz: float | None) -> Series:
     """Rate of change of a signal: zero-phase Butterworth low-pass, then central differences.
 
-    The filter (order 2, run forwards and backwards: order 4 and no lag) acts on a uniform grid at the median
-    period, so irregular stamps are first interpolated. Rows without a finite value are left out, but where they are
-    too many to be filled in (`gaps.silences`) there is no rate either: NaN. Raises LogError where `filter_hz` is not
-    below half the sampling rate.
+    The filter (order 2, run forwards and backwards: order 4 and no lag) acts on a uniform grid at the median period, so
+    irregular stamps are first interpolated. Rows without a finite value are left out, but where the signal is silent
+    for longer than can be filled in (`gaps.silences`) there is no rate either: NaN. Raises LogError where `filter_hz`
+    is not below half the sampling rate.
     """
     good = np.isfinite(series.values) & np.concatenate([[True], np.diff(series.time) > 0])
     time, values = series.time[good], series.values[good]
@@ -25,7 +25,7 @@ def derivative(series: Series, filter_hz: float | None) -> Series:
     if len(time) < 3:
         return Series(time, np.full(len(time), np.nan), series.unit)
     if filter_hz is None:
-        empty = nothing[silent(time, nothing, nothing)]
+        empty = nothing[silent(time, nothing)]
         slope = np.concatenate([np.gradient(values, time), np.full(len(empty), np.nan)])
         every = np.concatenate([time, empty])
         order = np.argsort(every, kind="stable")
@@ -46,7 +46,7 @@ def derivative(series: Series, filter_hz: float | None) -> Series:
         )
     grid = time[0] + period * np.arange(rows)
     smooth = _smooth(np.interp(grid, time, values), filter_hz, period)
-    slope = np.where(silent(time, nothing, grid), np.nan, np.gradient(smooth, period))
+    slope = np.where(silent(time, grid), np.nan, np.gradient(smooth, period))
     return Series(grid, slope, series.unit)
 
 

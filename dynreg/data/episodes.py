@@ -1,7 +1,7 @@
 """From a raw log and a map to episodes: named channels in SI units on the log's own stamps."""
 
 import string
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -41,7 +41,7 @@ class RawEpisode:
 def raw_episodes(log: RawLog, log_map: LogMap, spec: RecordingSpec) -> tuple[RawEpisode, ...]:
     """The episodes of one log, in the robot's channels and units.
 
-    Raises MapError for a source that the log does not hold, LogError where a column splits nothing.
+    Raises MapError for a source or an episode column that the log does not hold, LogError for what it holds wrongly.
     """
     out = []
     for part, select in _parts(log, log_map):
@@ -60,7 +60,8 @@ def raw_episodes(log: RawLog, log_map: LogMap, spec: RecordingSpec) -> tuple[Raw
             RawEpisode(name, log.path.name, channels, settings, clock, findings=found, dropped=dropped)
         )
     if log_map.episodes.by == "gaps":
-        out = [piece for episode in out for piece in _split_at_gaps(episode, log_map.episodes.gap)]
+        held = {c.name for c in spec.channels if c.hold}
+        out = [piece for episode in out for piece in _split_at_gaps(episode, log_map.episodes.gap, held)]
     return tuple(_differentiated(episode, log_map, spec) for episode in out)
 
 
@@ -81,7 +82,7 @@ def _parts(log: RawLog, log_map: LogMap) -> Iterator[tuple[str | None, Select]]:
         if all(len(s) == len(marks) and np.array_equal(s.time, marks.time) for s in log.sources.values()):
             marks = None
     else:
-        raise LogError(
+        raise MapError(
             f"{log.path.name!r} has no episode column {column!r}",
             expected=one_of(log.names, column),
             do="correct `column` under [episodes]",
@@ -239,15 +240,15 @@ def _setting(entry: SettingMap, log: RawLog, select: Select) -> float | None:
         values = select(log.sources[entry.metadata]).values
         distinct = np.unique(values[np.isfinite(values)])
         if len(distinct) > 1:
-            both = f"{distinct[0]:g} and {distinct[1]:g}"
-            raise LogError(
-                f"{log.path.name!r}: setting {entry.metadata!r} is {both} in one episode",
-                expected="one value an episode",
-                do="split the episodes where it changes",
-            )
+            raise _two_settings(log, entry.metadata, f"{distinct[0]:g}", f"{distinct[1]:g}")
         text = distinct[0] if len(distinct) else None
     elif entry.metadata in log.labels:
-        text = log.labels[entry.metadata][0]
+        told = log.labels[entry.metadata]
+        rows = np.arange(len(told), dtype=float)
+        distinct = list(dict.fromkeys(told[int(row)] for row in select(Series(rows, rows)).values))
+        if len(distinct) > 1:
+            raise _two_settings(log, entry.metadata, *map(repr, distinct[:2]))
+        text = distinct[0] if len(distinct) else None
     else:
         return None
     try:
@@ -258,6 +259,14 @@ def _setting(entry: SettingMap, log: RawLog, select: Select) -> float | None:
             expected="a number",
             do="correct it in the log, or [settings] in the map",
         ) from None
+
+
+def _two_settings(log: RawLog, name: str, first: str, second: str) -> LogError:
+    return LogError(
+        f"{log.path.name!r}: setting {name!r} is {first} and {second} in one episode",
+        expected="one value an episode",
+        do="split the episodes where it changes",
+    )
 
 
 def _name(log: RawLog, log_map: LogMap, settings: Mapping[str, float], part: str | None) -> str:
@@ -274,12 +283,14 @@ def _name(log: RawLog, log_map: LogMap, settings: Mapping[str, float], part: str
         ) from None
 
 
-def _split_at_gaps(episode: RawEpisode, gap: float) -> list[RawEpisode]:
-    """Cut where any channel is silent for longer than `gap` [s] or its clock runs back.
+def _split_at_gaps(episode: RawEpisode, gap: float, held: Collection[str] = ()) -> list[RawEpisode]:
+    """Cut where the channel with the most rows is silent for longer than `gap` [s], or its clock runs back.
 
-    Channels that are only held (commands) do not count: a command may stand for long.
+    held : channels whose last value stands, such as commands: a silence of theirs is no gap, and what stands before a
+    piece stands at its begin, too.
     """
-    longest = max(episode.channels.values(), key=len)
+    measured = [series for name, series in episode.channels.items() if name not in held]
+    longest = max(measured or episode.channels.values(), key=len)
     steps = np.diff(longest.time)
     cuts = np.flatnonzero((steps > gap) | (steps < 0))
     if not len(cuts):
@@ -294,10 +305,24 @@ def _split_at_gaps(episode: RawEpisode, gap: float) -> list[RawEpisode]:
             if len(series) == len(longest) and np.array_equal(series.time, longest.time):
                 channels[name] = series.rows(slice(a, b))
             else:  # on another clock rate: cut by time
-                channels[name] = _between(series, longest.time[a] - gap, longest.time[b - 1] + gap)
+                begin, end = longest.time[a], longest.time[b - 1]
+                channels[name] = _between(series, begin - gap, end + gap)
+                if name in held:
+                    channels[name] = _standing(series, channels[name], begin)
         if b - a > 1:
             pieces.append(replace(episode, name=f"{episode.name}_{i + 1}", channels=channels))
     return pieces
+
+
+def _standing(series: Series, piece: Series, begin: float) -> Series:
+    """A piece of a held signal, with the value before it that stands at `begin` [s]; of a clock that runs on."""
+    if (len(piece) and piece.time[0] <= begin) or np.any(np.diff(series.time) < 0):
+        return piece
+    before = np.flatnonzero((series.time <= begin) & np.isfinite(series.values))
+    if not len(before):
+        return piece
+    time, values = np.append(begin, piece.time), np.append(series.values[before[-1]], piece.values)
+    return Series(time, values, series.unit)
 
 
 def _between(series: Series, begin: float, end: float) -> Series:

@@ -19,13 +19,13 @@ def silences(time: np.ndarray) -> np.ndarray:
     return np.stack([time[long], time[long + 1]], axis=1)
 
 
-def silent(known: np.ndarray, nothing: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """(T,) whether `time` [s] lies within a silence of the stamps `known` that has some of `nothing` in it.
+def silent(known: np.ndarray, time: np.ndarray, nothing: np.ndarray | None = None) -> np.ndarray:
+    """(T,) whether `time` [s] lies within a silence of the stamps `known`.
 
-    nothing : stamps at which the signal was logged, but held no number.
+    nothing : stamps at which the signal was logged, but held no number: only silences with some in them count.
     """
     out = np.zeros(len(time), dtype=bool)
-    for begin, end in silences(known) if len(nothing) else ():
-        if ((nothing > begin) & (nothing < end)).any():
+    for begin, end in silences(known):
+        if nothing is None or ((nothing > begin) & (nothing < end)).any():
             out |= (time > begin) & (time < end)
     return out

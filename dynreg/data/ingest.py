@@ -20,7 +20,7 @@ from dynreg.data.maps import DEFAULT_GAP, LogMap, check_map, identity_map
 from dynreg.data.readers import ReadOptions, read_log
 from dynreg.data.readers.merge import side_by_side
 from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.data.resample import resample
+from dynreg.data.resample import left_out, resample
 from dynreg.data.schema import RecordingSpec
 from dynreg.data.series import Finding, RawLog
 from dynreg.data.words import steady
@@ -63,6 +63,7 @@ def read_recording(paths: Paths, spec: RecordingSpec, log_map: LogMap | None = N
     channels = tuple(
         Channel(c.name, c.unit) for c, there in zip(spec.channels, present, strict=True) if there
     )
+    findings += [finding for p in placed for finding in left_out(p.raw, spec)]
     provenance = {
         "files": [entry for path in files for entry in _hashes(path)],
         "robot": spec.robot,
@@ -149,6 +150,7 @@ def doctor(
         for episode in episodes if not errors(findings) else ():
             try:
                 spans.append(_Placed(episode, *resample(episode, spec)).span)
+                findings += left_out(episode, spec)
             except LogError as error:
                 where = f"{episode.file}, episode {episode.name}"
                 findings.append(Finding("error", "span", where, str(error)))
@@ -235,7 +237,8 @@ def _logs(files: Sequence[Path], log_map: LogMap | None) -> Iterable[RawLog]:
             own = [s for s in options.sources if s.startswith(f"{member}.")]
             wanted = tuple(s.removeprefix(f"{member}.") for s in own)
             logs[member] = read_log(path, replace(options, sources=wanted)).stamped()
-        yield side_by_side(next(iter(members.values())).with_name(stem), logs)
+        first = next(iter(members.values()))
+        yield side_by_side(first.with_name(stem) if stem else first, logs)
 
 
 def _groups(files: Sequence[Path], suffixes: Mapping[str, str]) -> dict[str, dict[str, Path]]:

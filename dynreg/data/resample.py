@@ -1,15 +1,18 @@
 """Resampling from the log's own stamps to the robot's control rate; every change is reported."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from dynreg.data.derivative import GRID_LIMIT
 from dynreg.data.episodes import RawEpisode
-from dynreg.data.gaps import silent
-from dynreg.data.schema import RecordingSpec
-from dynreg.data.series import Series
+from dynreg.data.gaps import BRIDGED, silent
+from dynreg.data.schema import ChannelSpec, RecordingSpec
+from dynreg.data.series import Finding, Series
 from dynreg.errors import LogError
 from dynreg.limits import limits, refuse
 
+MUCH = 0.05  # share of an episode's time that is not left out without a word
 STAMP_TOLERANCE = 1e-6  # [s] a command stamped this much after a grid point still counts for it
 
 
@@ -24,10 +27,10 @@ def clean(series: Series) -> Series:
 def resample(episode: RawEpisode, spec: RecordingSpec) -> tuple[float, np.ndarray, np.ndarray]:
     """Bring an episode's channels to one time base.
 
-    States and inputs are interpolated linearly; actions and flags hold their last value. Where a signal has NaN for
-    longer than can be filled in (`gaps.silences`) it stays NaN. The grid runs from
-    the first stamp that all channels have reached to the last that none has left (a held flag need not be
-    repeated to stand), at `spec.rate`; without a rate it has the stamps of the first action.
+    States and inputs are interpolated linearly; actions and flags hold their last value. Where a state or an input is
+    silent, or any signal has NaN, for longer than can be filled in (`gaps.silences`), it is NaN. The grid runs from
+    the first stamp that all channels have reached to the last that none has left (flags and commands that are logged
+    when they change stand until then), at `spec.rate`; without a rate it has the stamps of the first action.
 
     Returns
     -------
@@ -37,8 +40,7 @@ def resample(episode: RawEpisode, spec: RecordingSpec) -> tuple[float, np.ndarra
 
     Raises LogError where the channels have fewer than two samples in common.
     """
-    series = {name: clean(s) for name, s in episode.channels.items()}
-    series = {name: s for name, s in series.items() if len(s)}
+    series = _cleaned(episode)
     start, end = common_span(episode, series, spec)
     grid = _grid(episode, series, spec, start, end)
     values = np.full((len(grid), len(spec.channels)), np.nan)
@@ -46,12 +48,22 @@ def resample(episode: RawEpisode, spec: RecordingSpec) -> tuple[float, np.ndarra
         if channel.name in series:
             kept = series[channel.name]
             values[:, column] = at(kept, start + grid, channel.hold)
-            raw = episode.channels[channel.name]
-            nothing = raw.time[~np.isfinite(raw.values)]
-            # a command or a flag that mostly has no number is one that is logged when it changes, and holds
-            if not channel.hold or 2 * len(nothing) <= len(raw):
-                values[silent(kept.time, nothing, start + grid), column] = np.nan
+            values[
+                _unknown(episode.channels[channel.name], kept.time, start + grid, spec, channel), column
+            ] = np.nan
     return start, grid, values
+
+
+def _unknown(
+    raw: Series, known: np.ndarray, time: np.ndarray, spec: RecordingSpec, channel: ChannelSpec
+) -> np.ndarray:
+    """(T,) whether nobody knows a signal at `time`, whose numbers have the stamps `known`."""
+    nothing = raw.time[~np.isfinite(raw.values)]
+    if channel.hold and 2 * len(nothing) > len(raw):
+        return np.zeros(len(time), dtype=bool)  # it is logged when it changes, and holds
+    # a command holds until another comes; where control is timed, a row stands where a command begins
+    holds = channel.hold or spec.rate is None
+    return silent(known, time, nothing if holds else None)
 
 
 def at(series: Series, time: np.ndarray, hold: bool) -> np.ndarray:
@@ -63,13 +75,11 @@ def at(series: Series, time: np.ndarray, hold: bool) -> np.ndarray:
 
 
 def common_span(episode: RawEpisode, series: dict[str, Series], spec: RecordingSpec) -> tuple[float, float]:
-    """First and last stamp [s] between which every channel is known."""
-    kinds = {c.name: c.kind for c in spec.channels}
-    start = max((s.time[0] for s in series.values()), default=0.0)
-    ends = {name: s.time[-1] for name, s in series.items() if kinds[name] != "enable"}
-    end = min(ends.values(), default=0.0)
+    """First and last stamp [s] between which every channel is known; LogError where there is no time between."""
+    begins, ends = _edges(series, spec)
+    start, end = max(begins.values(), default=0.0), min(ends.values(), default=0.0)
     if not end > start:
-        late = max(series, key=lambda n: series[n].time[0], default="?")
+        late = max(begins, key=lambda n: begins[n], default="?")
         early = min(ends, key=lambda n: ends[n], default="?")
         raise LogError(
             f"{episode.file}, episode {episode.name!r}: {early!r} ends at {end:.3f} s, "
@@ -78,6 +88,43 @@ def common_span(episode: RawEpisode, series: dict[str, Series], spec: RecordingS
             do="check their clocks, or set `delay` in the map",
         )
     return float(start), float(end)
+
+
+def left_out(episode: RawEpisode, spec: RecordingSpec) -> Iterator[Finding]:
+    """What is to be said where much of an episode is left out, because a channel begins late or ends early."""
+    begins, ends = _edges(_cleaned(episode), spec)
+    start, end = max(begins.values()), min(ends.values())
+    first, last = min(begins.values()), max(ends.values())
+    lost = start - first + last - end
+    if spec.rate is None or lost <= MUCH * (last - first):
+        return
+    late, early = max(begins, key=lambda n: begins[n]), min(ends, key=lambda n: ends[n])
+    text = (
+        f"{lost:.3g} of {last - first:.3g} s are left out, for not every channel is known there: {late!r} begins at "
+        f"{begins[late]:.3f} s, {early!r} ends at {ends[early]:.3f} s"
+    )
+    yield Finding("warning", "span", f"{episode.file}, episode {episode.name}", text)
+
+
+def _cleaned(episode: RawEpisode) -> dict[str, Series]:
+    """The channels of which anything is known."""
+    series = {name: clean(s) for name, s in episode.channels.items()}
+    return {name: s for name, s in series.items() if len(s)}
+
+
+def _edges(series: dict[str, Series], spec: RecordingSpec) -> tuple[dict[str, float], dict[str, float]]:
+    """{channel: stamp [s]} from which on it is known, and up to which; not of those whose last value stands."""
+    kinds = {c.name: c.kind for c in spec.channels}
+    begins = {name: float(s.time[0]) for name, s in series.items()}
+    last = {name: float(s.time[-1]) for name, s in series.items()}
+    return begins, {n: at for n, at in last.items() if not _stands(series[n], kinds[n])} or last
+
+
+def _stands(series: Series, kind: str) -> bool:
+    """Whether the last value of a signal stands until the log ends; a stream of commands has ended with its last."""
+    if kind == "enable":
+        return True
+    return kind == "action" and (len(series) < 2 or float(np.median(np.diff(series.time))) > BRIDGED)
 
 
 def _grid(

@@ -92,6 +92,15 @@ def test_an_oscillation_of_which_each_row_shows_the_same_phase(legs: Columns, to
     )
 
 
+def test_a_velocity_that_nobody_measured(legs: Columns, told: Callable):
+    legs["vel_hip"] = np.zeros(len(TIME))
+    legs["vel_knee"] = np.zeros(len(TIME))
+    (found,) = told(legs)
+    assert (found.check, found.where) == ("velocity", "log.csv, hip and knee")
+    assert found.message.startswith("have a velocity of 0 rad/s in all of the log while the position moves")
+    assert "derivative_of" in found.message
+
+
 def test_a_drive_that_gives_all_it_can(legs: Columns, told: Callable):
     legs["effort_hip"] = np.clip(legs["effort_hip"], -0.6, 0.6)
     (found,) = told(legs)

@@ -72,6 +72,11 @@ def wrapped(c: Columns) -> None:
     c["arm__velocity"][:] = 3.0
 
 
+def wrapped_fast(c: Columns) -> None:
+    c["arm__position"] = np.angle(np.exp(1j * 200 * c["time"]))  # a rad from row to row
+    c["arm__velocity"][:] = 200.0
+
+
 def missing(c: Columns) -> None:
     del c["arm__target"]
 
@@ -193,6 +198,7 @@ FAULTS = [
     (beyond, "warning", "limits", "arm/target"),
     (stuck, "warning", "stuck", "arm/position, row 300"),
     (wrapped, "warning", "wrap", "arm/position, row 210"),
+    (wrapped_fast, "warning", "wrap", "arm/position, row 4"),
     (missing, "error", "map", "log.csv"),
     (milliseconds, "warning", "rate", "log.csv"),
 ]

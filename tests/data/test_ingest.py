@@ -5,6 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from dynreg.data.derivative import derivative
@@ -406,3 +408,87 @@ def test_the_rests_reach_what_drifts(tmp_path: Path):
     spec = robot.recording_spec
     free = replace(spec, channels=tuple(replace(c, low=None, high=None) for c in spec.channels))
     assert rows_of(robot, read_recording(logs, free)).begin == pytest.approx([0.0, 30.0])
+
+
+@pytest.mark.parametrize("by_rate", [False, True])
+def test_rows_that_are_missing_are_not_made_up(
+    by_rate: bool, write_table: Callable, swing: Columns, servo_spec: RecordingSpec
+):
+    rows = np.delete(np.arange(801), np.arange(200, 280))  # none from 1.0 to 1.4 s
+    kept = {name: column[rows] for name, column in swing.items()}
+    entry = 'derivative_of = "arm/position"\nfilter_hz = 20\n' if by_rate else 'source = "arm/velocity"\n'
+    text = f'[channels."arm/position"]\nsource = "arm/position"\n[channels."arm/velocity"]\n{entry}'
+    text += '[channels."arm/target"]\nsource = "arm/target"\n'
+    (episode,) = read_recording(write_table(**kept), servo_spec, parse_map(text)).episodes
+    empty = np.isnan(episode.values)
+    position, velocity, target = (episode.time[empty[:, c]] for c in range(3))
+    assert position[0] == pytest.approx(1.0) and position[-1] == pytest.approx(1.39)
+    assert len(position) == 40 and not len(target)  # a command holds
+    assert set(position) <= set(velocity) and len(velocity) <= len(position) + 2
+
+
+def apart(tmp_path: Path, time: np.ndarray, sent: np.ndarray, target: np.ndarray) -> tuple[list[Path], str]:
+    """States at `time` and commands at `sent` [s] in two files, and the map of both."""
+    np.savez(tmp_path / "state.npz", time=time, position=np.sin(time), velocity=np.cos(time))
+    np.savez(tmp_path / "told.npz", time=sent, target=target)
+    text = (
+        '[files]\ns = "state.npz"\nc = "told.npz"\n[channels."arm/position"]\nsource = "s.position"\n'
+        '[channels."arm/velocity"]\nsource = "s.velocity"\n[channels."arm/target"]\nsource = "c.target"\n'
+    )
+    return [tmp_path / "state.npz", tmp_path / "told.npz"], text
+
+
+@pytest.mark.parametrize("stream", [False, True])
+def test_commands_logged_on_change_stand_and_a_stream_ends(
+    stream: bool, tmp_path: Path, servo_spec: RecordingSpec
+):
+    sent = np.arange(0.0, 4.001, 0.01) if stream else np.array([0.0, 2.0, 4.0])
+    paths, text = apart(tmp_path, np.arange(0.0, 20.005, 0.01), sent, np.sin(sent))
+    recording = read_recording(paths, servo_spec, parse_map(text))
+    (episode,) = recording.episodes
+    cut = [f["message"] for f in recording.provenance["findings"] if f["check"] == "span"]
+    assert cut == [f.message for f in doctor(paths, servo_spec, parse_map(text)) if f.check == "span"]
+    if stream:
+        assert episode.time[-1] == pytest.approx(4.0)
+        assert cut[0].startswith("16 of 20 s are left out") and "'arm/target' ends at 4.000 s" in cut[0]
+    else:
+        assert episode.time[-1] == pytest.approx(20.0) and not cut
+        assert episode.values[-1, 2] == pytest.approx(np.sin(4.0))
+
+
+def test_a_command_that_stands_before_a_piece_stands_at_its_begin(tmp_path: Path, servo_spec: RecordingSpec):
+    time = np.concatenate([np.arange(0.0, 5.0, 0.01), np.arange(8.0, 14.0, 0.01)])
+    paths, text = apart(tmp_path, time, np.array([0.0, 2.0]), np.array([0.1, 0.2]))
+    log_map = parse_map(text + '[episodes]\nby = "gaps"\ngap = 0.5\n')
+    first, second = read_recording(paths, servo_spec, log_map).episodes
+    assert [len(first.time), len(second.time)] == [500, 600]
+    assert (second.values[:, 2] == 0.2).all() and set(first.values[:, 2]) == {0.1, 0.2}
+
+
+def test_an_optional_channel_without_a_number_is_left_out(
+    write_table: Callable, swing: Columns, servo_spec: RecordingSpec
+):
+    recording = read_recording(write_table(**swing, supply=np.full(801, np.nan)), servo_spec)
+    assert "supply" not in recording.names
+    (found,) = [f for f in recording.provenance["findings"] if f["check"] == "nan"]
+    assert found["severity"] == "warning" and "left out" in found["message"]
+
+
+def test_a_setting_in_a_text_column_is_that_of_its_episode(
+    write_table: Callable, swing: Columns, servo_spec: RecordingSpec
+):
+    half = np.arange(801) < 400
+    del swing["kp"]
+    text = "".join(f'[channels."arm/{n}"]\nsource = "arm/{n}"\n' for n in ("position", "velocity", "target"))
+    text += '[settings.kp]\nmetadata = "gain"\n[episodes]\nby = "column"\ncolumn = "run"\n'
+    swing |= {"run": np.where(half, "a", "b"), "gain": np.where(half, "0.5 ", "1.5 ")}
+    path = write_table(**swing).with_suffix(".parquet")
+    pq.write_table(pa.table({name.replace("__", "/"): column for name, column in swing.items()}), path)
+    assert [e.settings["kp"] for e in read_recording(path, servo_spec, parse_map(text)).episodes] == [
+        0.5,
+        1.5,
+    ]
+    swing["gain"][10] = "0.7 "
+    pq.write_table(pa.table({name.replace("__", "/"): column for name, column in swing.items()}), path)
+    with pytest.raises(LogError, match="'0.5 ' and '0.7 ' in one episode"):
+        read_recording(path, servo_spec, parse_map(text))

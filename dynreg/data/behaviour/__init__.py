@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from dynreg.data.behaviour.chatter import chatter
+from dynreg.data.behaviour.chatter import chatter, unmeasured
 from dynreg.data.behaviour.effort import saturation
 from dynreg.data.behaviour.joint import Seen, joints_of
 from dynreg.data.behaviour.stop import stop
@@ -29,6 +29,11 @@ TOLD = {
         "aliased",
     ): "{have} a velocity of {0} that the position does not go along with ({1}): the drive is "
     f"unstable and the log is aliased; {_CHATTER}",
+    (
+        "velocity",
+        "constant",
+    ): "{have} a velocity of {0} in all of the log while the position moves: it was not measured; in the map, give its "
+    "channel derivative_of (the channel of the position) in place of source",
     (
         "stop",
         "largest",
@@ -93,7 +98,7 @@ def check_behaviour(
     joints = [j for j in joints_of(episodes, spec) if not any(f", {j.name}/" in where for where in told)]
     seen = targets(joints)
     for joint in joints:
-        checks = (check(joint) for check in (chatter, stop, saturation))
+        checks = (check(joint) for check in (unmeasured, chatter, stop, saturation))
         found = seen.get(joint.name) or next((one for one in checks if one is not None), None)
         if found is not None:
             seen[joint.name] = found

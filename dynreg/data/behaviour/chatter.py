@@ -55,6 +55,14 @@ def chatter(joint: Joint) -> Seen | None:
     )
 
 
+def unmeasured(joint: Joint) -> Seen | None:
+    """A velocity that never changes, while the position goes somewhere: nobody measured it."""
+    velocity, place = (joint.pooled(lambda run, of=of: getattr(run, of)) for of in ("velocity", "position"))
+    if not len(velocity) or np.ptp(velocity) > 0 or joint.reach <= TRAVELS * grain(place):
+        return None
+    return Seen("velocity", "constant", (float(velocity[0]),), (f"{joint.unit}/s",))
+
+
 def _aliased(joint: Joint, found: _Windows) -> Seen | None:
     """A velocity that no motion of the position goes with: an oscillation of which each row shows the same phase.
 
