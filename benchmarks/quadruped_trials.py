@@ -73,8 +73,8 @@ def trot(robot: Robot, rng: np.random.Generator, way: float) -> np.ndarray:
 def plan_of(robot: Robot, held: int = 0) -> Protocol:
     """The commands of all trials: stand, trot, stand, trot to fit, the same to select; one of each to test.
 
-    held : so many of each to test, other ones. A single trial tells little: where a foot slips half a time step earlier,
-    the robot ends up elsewhere.
+    held : so many of each to test, other ones. A single trial tells little: where a foot slips half a time step
+    earlier, the robot ends up elsewhere.
     """
     kinds = ("levels", "chirp", "levels")
     stands = [stand(robot, stream(TUNE, "stand", i), kind) for i, kind in enumerate(kinds)]

@@ -20,7 +20,7 @@ from dynreg.draft.doubted import Doubted
 from dynreg.draft.driven import check_gains, drives_of, say_unlimited
 from dynreg.draft.drives import Drive, name_of
 from dynreg.draft.entry import Drafted, DraftOptions, Entry, Notes, listed
-from dynreg.draft.ground import add_ground, base_joint, ground_of, standing_height
+from dynreg.draft.ground import add_ground, ground_of, standing_height
 from dynreg.draft.heard import Heard, heard, sensed, spec_of, within_stops
 from dynreg.draft.measured import (
     EFFORT,
@@ -48,6 +48,7 @@ from dynreg.draft.text import toml_of
 from dynreg.draft.trial import Make, with_engines, with_finer_step, with_sound_ranges, with_time_step
 from dynreg.errors import RobotError
 from dynreg.folder import TOML, Folder
+from dynreg.sim.base import base_joint
 from dynreg.sim.held import scalar_joints
 from dynreg.sim.masses import moving_sites
 from dynreg.sim.mjcf import model_files, trust_model
@@ -330,7 +331,7 @@ def _settled(opened: Opened, tables: Tables, longest: float, notes: Notes) -> Dr
     tables = with_sound_ranges(make, with_finer_step(make, tables, longest, notes), notes)
     tables = with_engines(make, tables, notes)
     robot, files = _robot(xml, opened, tables, notes)
-    base = base_joint(model, robot.joints)
+    base = robot.base
     joints = tuple(name_of(model, j) for j in scalar_joints(model))
     return Drafted(robot, files, joints, name_of(model, base) if base >= 0 else None, tuple(notes.lines))
 

@@ -26,14 +26,6 @@ class Ground:
     friction: float | None
 
 
-def base_joint(model: mujoco.MjModel, names: tuple[str, ...] = ()) -> int:
-    """Number of the free joint that carries the driven joints `names`; -1 where none does."""
-    free = [j for j in range(model.njnt) if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_FREE]
-    roots = {int(model.body_rootid[model.joint(n).bodyid[0]]) for n in names}
-    mine = [j for j in free if int(model.body_rootid[model.jnt_bodyid[j]]) in roots]
-    return mine[0] if mine else -1
-
-
 def add_ground(opened: Opened, base: int, notes: Notes) -> None:
     """Put a plane under a robot with a free base where the model has nothing that it could stand on."""
     model = opened.compiled()

@@ -42,13 +42,16 @@ def layout_of(robot: Robot) -> Layout:
     """
     model = robot.model
     joints = {model.joint(j).name: j for j in range(model.njnt)}
-    free = [j for j in range(model.njnt) if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_FREE]
+    free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
+    base = robot.base
     columns: dict[str, list[tuple[int, int]]] = {"position": [], "velocity": [], "base": []}
     for column, name in enumerate(robot.channels):
         owner, quantity = parts_of(name)
         joint = joints.get(owner)
         if joint is None:
             raise _unknown(f"channel {name!r}", list(joints))
+        if joint in free and joint != base:
+            raise _not_the_base(name, owner, model.joint(base).name if base >= 0 else None)
         if joint in free and quantity in BASE:
             columns["base"].append((column, BASE.index(quantity)))
         elif joint not in free and quantity == "position":
@@ -58,11 +61,10 @@ def layout_of(robot: Robot) -> Layout:
         else:
             choices = BASE if joint in free else ("position", "velocity")
             raise _unknown(f"channel {name!r}", [f"{owner}/{q}" for q in choices])
-    base = free[0] if free else -1
     return Layout(
         *(tuple(np.array(pairs, dtype=int).reshape(-1, 2).T) for pairs in columns.values()),
-        int(model.jnt_qposadr[base]) if free else -1,
-        int(model.jnt_dofadr[base]) if free else -1,
+        int(model.jnt_qposadr[base]) if base >= 0 else -1,
+        int(model.jnt_dofadr[base]) if base >= 0 else -1,
         *_action_addresses(robot, joints),
         model.jnt_qposadr[model.body_jntadr[tracked_bodies(robot)]].astype(int),
     )
@@ -155,6 +157,14 @@ def place_base(layout: Layout, states: np.ndarray, qpos: np.ndarray, qvel: np.nd
         target[:, columns] = np.where(tilted[:, None], values, target[:, columns])
     height = layout.base[0][layout.base[1] == BASE.index("z")]
     return tilted & ~np.isfinite(states[:, height]).any(axis=1)
+
+
+def _not_the_base(channel: str, joint: str, base: str | None) -> RobotError:
+    return RobotError(
+        f"channel {channel!r}: the free joint {joint!r} carries no joint that is driven",
+        expected=f"the robot's base, {base!r}" if base else "joints of the robot, whose base is held",
+        do="correct the channel, or name the body under `tracked` of [robot]",
+    )
 
 
 def _unknown(what: str, choices: list[str]) -> RobotError:

@@ -13,6 +13,7 @@ from dynreg.data.recording import Recording
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.errors import LogError, RobotError, UsageError, one_of
 from dynreg.folder import TOML, Folder, read_folder
+from dynreg.sim.base import base_joint
 from dynreg.sim.closed import check_closed
 from dynreg.sim.consistency import check_consistency
 from dynreg.sim.engine import ENGINES, Engine
@@ -173,10 +174,15 @@ class Robot:
         table = table.model_copy(update={"timestep": table.timestep / finer, **changes})
         return replace(self, file=self.file.model_copy(update={"robot": table}))
 
+    @cached_property
+    def base(self) -> int:
+        """Number of the free joint of its base; -1 where the base is held, or moves in a plane."""
+        return -1 if self.planar else base_joint(self.model, self.driven)
+
     @property
     def floating(self) -> bool:
         """Whether its base is held by no joint: it stands on its feet, or falls."""
-        return not self.planar and bool((self.model.jnt_type == 0).any())  # 0: a free joint
+        return self.base >= 0
 
     @property
     def sensor_noise(self) -> np.ndarray:

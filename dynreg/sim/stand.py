@@ -39,7 +39,7 @@ def on_stand(robot: Robot) -> Robot:
     """
     if not robot.floating:
         return robot
-    base = _free_joint(robot.model)
+    base = robot.base
     name = robot.model.joint(base).name
     files = {path: data for path, data in robot.files.hashed.items() if path != robot.file.robot.model}
     files[robot.file.robot.model] = _held(robot, base).encode()
@@ -93,10 +93,6 @@ def legs_of(robot: Robot) -> dict[str, tuple[str, ...]]:
     }
 
 
-def _free_joint(model: mujoco.MjModel) -> int:
-    return int(np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0])
-
-
 def _root(model: mujoco.MjModel, body: int) -> int:
     """The first body on the way from the base to `body` that a joint moves, but for a free one."""
     root = body
@@ -131,7 +127,8 @@ def _held(robot: Robot, base: int) -> str:
     for key, (name, (first, count)) in product(spec.keys, lost.items()):
         if len(told := np.array(getattr(key, name))):
             setattr(key, name, np.delete(told, (first[:, None] + np.arange(count)).ravel()))
-    held, *beside = (spec.body(model.body(int(b)).name) for b in model.jnt_bodyid[free])
+    held = spec.body(model.body(body).name)
+    beside = [spec.body(model.body(int(b)).name) for b in model.jnt_bodyid[free] if b != body]
     for joint in [joint for one in (held, *beside) for joint in one.joints]:
         spec.delete(joint)
     for geom in [geom for one in (held, *beside) for geom in one.find_all("geom")]:

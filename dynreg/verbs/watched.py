@@ -63,7 +63,9 @@ def _walk(registry: Registry, gait: Gait) -> Frames:
     trials, shown = trials_of(registry, gait, gait.seconds, gait.rate)
     model, poses = trials.poses(told(trials.space, genes_of(gait), gait, trials.times), shown)
     known = np.isfinite(poses).all(axis=1)
-    return Frames(model, np.flatnonzero(known) / gait.rate, {SIMULATED: poses[known]}, {}, {})
+    return Frames(
+        model, trials.robot.base, np.flatnonzero(known) / gait.rate, {SIMULATED: poses[known]}, {}, {}
+    )
 
 
 def export_run(registry: Registry, ref: str, path: Path, form: str, beside: str | None = None) -> None:

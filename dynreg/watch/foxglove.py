@@ -29,10 +29,9 @@ def _moved(frames: Frames, side: str, poses: np.ndarray) -> list[Topic]:
     hinged = np.flatnonzero(np.isin(kinds, moving)).tolist()
     names = [model.joint(j).name for j in hinged]
     angles = poses[:, model.jnt_qposadr[hinged]]
-    free = [j for j in range(model.njnt) if kinds[j] == mujoco.mjtJoint.mjJNT_FREE]
-    if not free:
+    if frames.base < 0:
         return [joint_states(f"/{side}/joint_states", names, frames.times, angles)]
-    at = int(model.jnt_qposadr[free[0]])
+    at = int(model.jnt_qposadr[frames.base])
     attitude = np.roll(poses[:, at + 3 : at + 7], -1, axis=1)  # MuJoCo's begin with w
     return topics(side, names, Motion(frames.times, angles, poses[:, at : at + 3], attitude))
 

@@ -27,11 +27,13 @@ REST = 1.0  # s that a rest between two episodes is shown at most: logs may lie 
 class Frames:
     """Frames to view: a model, and its joints at times (T,) [s] from the beginning; long rests are cut.
 
+    base : number of the free joint of the robot's base; -1 where it is held.
     poses : {"measured" or "simulated": (T, nq)}; joints that were not measured stay where the model has them.
     channels : {name: {"measured" or "simulated": (T,)}}, in `units`; NaN where not measured.
     """
 
     model: "mujoco.MjModel"
+    base: int
     times: np.ndarray
     poses: Mapping[str, np.ndarray]
     channels: Mapping[str, Mapping[str, np.ndarray]]
@@ -63,6 +65,7 @@ def frames(robot: Robot, recording: Recording, config: SimConfig, *, threads: in
     found = {MEASURED: measured, SIMULATED: simulated}
     return Frames(
         robot.model,
+        robot.base,
         times,
         {side: poses(robot, values) for side, values in found.items()},
         {name: {side: v[:, i] for side, v in found.items()} for i, name in enumerate(robot.channels)},
@@ -79,7 +82,7 @@ def _begins(rows: Rows) -> np.ndarray:
 
 def still(robot: Robot) -> Frames:
     """A robot as its episodes begin: one pose."""
-    return Frames(robot.model, np.zeros(1), {SIMULATED: _begin(robot)[None]}, {}, {})
+    return Frames(robot.model, robot.base, np.zeros(1), {SIMULATED: _begin(robot)[None]}, {}, {})
 
 
 def poses(robot: Robot, states: np.ndarray) -> np.ndarray:

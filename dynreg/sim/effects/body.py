@@ -155,9 +155,8 @@ def carrier(robot: Robot) -> int:
     Without drives it is the heaviest that any joint moves.
     """
     model = robot.model
-    free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
-    if len(free):
-        return int(model.jnt_bodyid[free[0]])
+    if robot.floating:
+        return int(model.jnt_bodyid[robot.base])
     moving = model.body_weldid > 0
     if robot.actions:
         moving = np.zeros(model.nbody, dtype=bool)
@@ -186,7 +185,7 @@ def distal_bodies(robot: Robot) -> list[str]:
     floating base carries on its base, or at a tool frame.
     """
     model = robot.model
-    if robot.planar or (model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).any():
+    if robot.planar or robot.floating:
         return []
     roots = [b for b in range(1, model.nbody) if model.body_weldid[b] == b]
     after: dict[int, list[int]] = {b: [] for b in (0, *roots)}
@@ -233,9 +232,8 @@ def tilt_axis(robot: Robot) -> np.ndarray:
 
 def tilt_hinge(robot: Robot) -> int | None:
     """The first hinge that a tilt can act about; None on a floating base, and without hinges."""
-    kinds = robot.model.jnt_type
-    hinges = np.flatnonzero(kinds == mujoco.mjtJoint.mjJNT_HINGE)
-    if (kinds == mujoco.mjtJoint.mjJNT_FREE).any() or not len(hinges):
+    hinges = np.flatnonzero(robot.model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE)
+    if robot.floating or not len(hinges):
         return None
     # tilting about gravity itself does nothing
     level = np.abs(at_reset(robot).xaxis[hinges, 2]) < 0.9
@@ -266,8 +264,7 @@ def _hangs_on(model, joint: int, other: int) -> bool:
 
 def direction_across(robot: Robot, body: int) -> np.ndarray:
     """(3,) in a body's frame: across the link in the plane of its motion, forward (x) on a floating base."""
-    model = robot.model
-    if (model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).any():
+    if robot.floating:
         return np.array([1.0, 0.0, 0.0])
     data = at_reset(robot)
     joint = _moving_joint(robot, body)
@@ -279,7 +276,7 @@ def direction_across(robot: Robot, body: int) -> np.ndarray:
 
 def lever(robot: Robot, body: int) -> float:
     """[m] from the joint that moves a body to its centre of mass; 0.1 where they coincide."""
-    if (robot.model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).any():
+    if robot.floating:
         return float(robot.model.stat.extent) / 4
     data = at_reset(robot)
     length = float(np.linalg.norm(data.xipos[body] - data.xanchor[_moving_joint(robot, body)]))

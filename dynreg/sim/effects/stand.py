@@ -39,7 +39,7 @@ class StandCompliance(Effect):
     def why_not(self, robot: Robot) -> str | None:
         if robot.planar or not drives(robot, "position", "duty_servo"):
             return "no servo whose stiffness could be compared"
-        if (robot.model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).any():
+        if robot.floating:
             return "its base floats"
         if tilt_hinge(robot) is None:
             return "no hinge lifts anything"
