@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
+from dynreg.data.base_frame import check_frame
 from dynreg.data.episodes import RawEpisode
 from dynreg.data.names import joint_of, quantity_of
 from dynreg.data.outliers import bends, spikes
@@ -62,6 +63,7 @@ def check_episode(episode: RawEpisode, spec: RecordingSpec, gap: float) -> tuple
         )
     findings += _stuck_channels(episode, specs, where)
     findings += _velocities(episode, where)
+    findings += check_frame(episode, where)
     findings += _short(episode, spec, where)
     return tuple(findings)
 

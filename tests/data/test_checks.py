@@ -10,7 +10,7 @@ import pytest
 from dynreg.data.checks import longest_run, velocity_slope
 from dynreg.data.ingest import doctor, read_recording
 from dynreg.data.maps import parse_map
-from dynreg.data.schema import RecordingSpec
+from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.series import Series
 from dynreg.errors import LogError, MapError
 
@@ -267,3 +267,25 @@ def test_velocity_slope_sees_through_encoder_steps():
 def test_longest_run():
     assert longest_run(np.array([True, False, True, True])) == (2, 2)
     assert longest_run(np.zeros(3, dtype=bool)) == (0, 0)
+
+
+@pytest.mark.parametrize(("frame", "told"), [("own", False), ("world", True), ("straight", False)])
+def test_velocities_of_a_base_in_the_frame_of_the_world_are_told(
+    write_table: Callable, frame: str, told: bool
+):
+    """A base that drives a circle at 0.5 m/s, and one that drives straight on, of which nothing can be said."""
+    t = np.arange(1000) / 50
+    rate = 0.0 if frame == "straight" else 0.6
+    yaw = rate * t
+    vx, vy = 0.5 * np.cos(yaw), 0.5 * np.sin(yaw)
+    x, y = (np.cumsum(v) / 50 for v in (vx, vy))
+    own = frame == "own"
+    columns = {"base__x": x, "base__y": y, "base__yaw": np.angle(np.exp(1j * yaw))}
+    columns |= {"base__vx": np.full(1000, 0.5) if own else vx, "base__vy": np.zeros(1000) if own else vy}
+    units = {"x": "m", "y": "m", "yaw": "rad", "vx": "m/s", "vy": "m/s"}
+    channels = tuple(ChannelSpec(f"base/{name}", unit, "state") for name, unit in units.items())
+    spec = RecordingSpec("walker", channels, (), 50.0)
+    found = [f for f in doctor(write_table(time=t, **columns), spec) if f.check == "frame"]
+    assert [("base/vx and base/vy" in f.where, "the world's frame" in f.message) for f in found] == [
+        (True, True)
+    ] * told
