@@ -14,10 +14,9 @@ from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.budget import Budget
 from dynreg.data.readers.columns import TIME_NAMES, UNIT_NAMES, from_columns, time_column
 from dynreg.data.readers.numbers import doubles
+from dynreg.data.readers.signals import MAX_ITEMS
 from dynreg.data.series import Finding, RawLog
 from dynreg.errors import LogError
-
-MAX_ITEMS = 64
 
 
 def is_text(kind: pa.DataType) -> bool:

@@ -9,12 +9,12 @@ import numpy as np
 
 from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.numbers import doubles, seconds
+from dynreg.data.readers.signals import MAX_ITEMS
 from dynreg.data.series import Finding, RawLog, Series
 from dynreg.errors import LogError, one_of
 from dynreg.limits import limits, refuse
 
 TIME_NAMES = ("time", "timestamp", "t", "t_s", "time_s", "stamp", "Time", "T", "timestamps", "times")
-MAX_ITEMS = 64  # columns of one array; one of more is no signal
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 # Names that tell the unit; a map that names the column tells the unit itself.
 UNIT_NAMES = {

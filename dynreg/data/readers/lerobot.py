@@ -11,10 +11,11 @@ from typing import Any
 import pyarrow as pa
 
 from dynreg.data.readers import ReadOptions
-from dynreg.data.readers.batches import MAX_ITEMS, Columns
+from dynreg.data.readers.batches import Columns
 from dynreg.data.readers.budget import Budget
 from dynreg.data.readers.numbers import parse_json
 from dynreg.data.readers.parquet import gather
+from dynreg.data.readers.signals import MAX_ITEMS
 from dynreg.data.series import RawLog, Series
 from dynreg.errors import LogError
 

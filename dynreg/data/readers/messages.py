@@ -14,10 +14,9 @@ import numpy as np
 from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.budget import Budget
 from dynreg.data.readers.numbers import number, since
-from dynreg.data.readers.signals import Arrays, Signal
+from dynreg.data.readers.signals import MAX_ITEMS, Arrays, Signal
 from dynreg.data.series import Finding, Series
 
-MAX_ITEMS = 64  # longer arrays are images, scans and point clouds, not signals
 MAX_DEPTH = 16
 MAX_LEAVES = 4096  # most signals of one topic
 MAX_PARTS = 16 * MAX_LEAVES  # most numbers and containers of one message

@@ -9,9 +9,10 @@ import pyarrow as pa
 
 from dynreg.data.logfile import LogFile
 from dynreg.data.readers import ReadOptions
-from dynreg.data.readers.batches import MAX_ITEMS, Columns, is_listed, is_number, is_text
+from dynreg.data.readers.batches import Columns, is_listed, is_number, is_text
 from dynreg.data.readers.budget import Budget
 from dynreg.data.readers.numbers import column, doubles
+from dynreg.data.readers.signals import MAX_ITEMS
 from dynreg.data.series import Finding, RawLog
 from dynreg.errors import LogError
 

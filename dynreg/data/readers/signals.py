@@ -7,6 +7,8 @@ import numpy as np
 
 from dynreg.data.series import Series
 
+MAX_ITEMS = 64  # of an array: longer ones are images, scans and point clouds, not signals
+
 
 class Signal:
     """One number a message, or as many as an array of one length has."""

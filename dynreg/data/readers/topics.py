@@ -9,8 +9,9 @@ import numpy as np
 
 from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.budget import Budget
-from dynreg.data.readers.messages import MAX_ITEMS, Topic, get, header_stamp
+from dynreg.data.readers.messages import Topic, get, header_stamp
 from dynreg.data.readers.numbers import number
+from dynreg.data.readers.signals import MAX_ITEMS
 from dynreg.data.series import Finding, RawLog, Series
 
 TRAJECTORY = {
