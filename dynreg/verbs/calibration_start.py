@@ -3,14 +3,14 @@
 import re
 import warnings
 from collections.abc import Sequence
-from itertools import product
 
 import numpy as np
 
 from dynreg.errors import Assumed, UsageError
 from dynreg.registry import Registry
 from dynreg.sim.robot import Robot
-from dynreg.verbs.simulators import NOMINAL, Simulator, lineages, simulator
+from dynreg.verbs.several import parted
+from dynreg.verbs.simulators import NOMINAL, Simulator, shaped, simulator
 from dynreg.verbs.subjects import Recorded
 
 
@@ -58,7 +58,8 @@ def shaped_by(asked: Recorded, begin: Simulator, held_out: Sequence[str]) -> tup
     held_out : episodes, or "episode[3]" of one that was cut into windows.
     """
     whole = {re.sub(r"\[\d+\]$", "", name) for name in held_out}
-    return tuple(sorted(whole & _shaping(asked, begin)))
+    known = [shaped(asked.registry, begin, one.recording.id) for one in asked.each or (asked,)]
+    return tuple(name for name in sorted(whole) if _is_in(name, asked, known))
 
 
 def tell_seen(how: str, names: Sequence[str]) -> None:
@@ -66,17 +67,8 @@ def tell_seen(how: str, names: Sequence[str]) -> None:
     warnings.warn(f"{how} {', '.join(names)}, which is held out: the test error is too low", Assumed, 2)
 
 
-def _shaping(asked: Recorded, begin: Simulator) -> set[str]:
-    """Episodes that shaped a simulator or those that it came from, by their names in the recording asked about."""
-    out, every = set(), lineages(asked.registry, begin)
-    for one, lineage in product(asked.each or (asked,), every):
-        prefix = f"{one.name}/"
-        for name in lineage.get("episodes", ()):
-            if lineage.get("recording") == one.recording.id:
-                own = name
-            elif one.recording.id in lineage.get("recordings", ()) and name.startswith(prefix):
-                own = name.removeprefix(prefix)
-            else:
-                continue
-            out.add(prefix + own if asked.each else own)
-    return out
+def _is_in(name: str, asked: Recorded, known: Sequence[frozenset[str] | None]) -> bool:
+    """Whether an episode is among those of its recording that are `known` to have shaped something; None: all."""
+    one, own = parted(name, asked.each) if asked.each else (asked, name)
+    mine = known[[each.recording.id for each in asked.each or (asked,)].index(one.recording.id)]
+    return mine is None or own in mine

@@ -5,7 +5,7 @@ simulator or an entry, or by the id of a result that recommends one. Its effects
 """
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -121,7 +121,9 @@ def simulator(registry: "Registry", ref: str, robot: "Robot", recording: str | N
         ) from None
     if kind != "result":
         found = stored(registry, kind, identity, robot)
-        return _with_parts(registry, found, _told_by(registry, found, recording), recording)
+        return _with_parts(
+            registry, found, _told_by(registry, identity, found.robot.name, recording), recording
+        )
     record = registry.result(identity)
     if record.kind not in RECOMMENDED:
         raise _no_simulator(ref, record)
@@ -184,19 +186,78 @@ def fitted_on(registry: "Registry", found: Simulator) -> tuple[Simulator, Docume
     None where no such result is stored.
     """
     recording = found.lineage.get("recording")
-    document = _told_by(registry, found, recording)
+    document = _told_by(registry, found.id, found.robot.name, recording)
     return _with_parts(registry, found, document, recording), document
 
 
-def lineages(registry: "Registry", found: Simulator) -> list[Mapping[str, Any]]:
-    """How a simulator came about, and those that it came from, itself first; as far as they are kept and sound."""
-    out = [found.lineage]
-    while (parent := out[-1].get("parent")) is not None:
+def shaped(registry: "Registry", found: Simulator, recording: str) -> frozenset[str] | None:
+    """Episodes of a recording (its id) that shaped a simulator or one that it came from, as far as these are kept.
+
+    None where one of them was fitted to the recording, and nothing says to which part of it.
+    """
+    own = _shaped(registry, found.id, found.lineage, found.robot.name, recording)
+    before = _inherited(registry, found, recording)
+    return None if own is None or before is None else own | before
+
+
+def _inherited(registry: "Registry", found: Simulator, recording: str) -> frozenset[str] | None:
+    """Those that shaped a simulator that it came from; see `shaped`."""
+    out, lineage = frozenset(), found.lineage
+    while (parent := lineage.get("parent")) is not None:
         try:
-            out.append(registry.simulator(parent).get("lineage", {}))
+            lineage = registry.simulator(parent).get("lineage", {})
         except (NoMatchError, CorruptError):  # an entry, which no recording shaped, or one that is gone
             break
+        own = _shaped(registry, parent, lineage, found.robot.name, recording)
+        if own is None:
+            return None
+        out |= own
     return out
+
+
+def _shaped(
+    registry: "Registry", identity: str | None, lineage: Mapping[str, Any], robot: str, recording: str
+) -> frozenset[str] | None:
+    """Those that shaped this simulator alone, by its lineage, else by the result that tells it; see `shaped`."""
+    fitted, several = lineage.get("recording"), lineage.get("recordings", ())
+    if recording not in (fitted, *several):
+        return frozenset() if fitted is None else _shaped_parts(registry, identity, lineage, robot, recording)
+    names = lineage.get("episodes")
+    if names is None:
+        document = _told_by(registry, identity, robot, fitted)
+        names = document and _fitted(document)
+    if names is None or fitted == recording:
+        return names and frozenset(names)
+    mine = _without(names, _prefixes(registry, recording))
+    every = [prefix for one in several for prefix in _prefixes(registry, one)]
+    return mine if mine or len(_without(names, every)) == len(names) else None
+
+
+def _shaped_parts(
+    registry: "Registry", identity: str | None, lineage: Mapping[str, Any], robot: str, recording: str
+) -> frozenset[str] | None:
+    """As `_shaped`, of a recording that was joined from some that may have shaped the simulator."""
+    if not registry.holds(recording):
+        return frozenset()
+    out = frozenset()
+    for part in registry.recording(recording).provenance.get("joined", ()):
+        own = _shaped(registry, identity, lineage, robot, part)
+        if own is None:
+            return None
+        out |= {prefix + name for name in own for prefix in _prefixes(registry, part)}
+    return out
+
+
+def _without(names: Collection[str], prefixes: Sequence[str]) -> frozenset[str]:
+    """Of episodes of joined recordings, NAME/EPISODE, those that begin so, by their own names."""
+    return frozenset(n.removeprefix(p) for n in names for p in prefixes if n.startswith(p))
+
+
+def _prefixes(registry: "Registry", recording: str) -> list[str]:
+    """What the episodes of a recording may be called by where it was joined with others; none where it is gone."""
+    if not registry.holds(recording):
+        return []
+    return [f"{name}/" for name in (*registry.recording_info(recording).names, recording[:12])]
 
 
 def own(found: Simulator, robot: "Robot") -> Simulator:
@@ -272,7 +333,9 @@ def _told(
     if identity is None:
         raise _no_simulator(word, record)
     found = stored(registry, *registry.resolve(identity, ("simulator", "entry")), robot)
-    document = record.document if record.recording_id == recording else _told_by(registry, found, recording)
+    document = record.document
+    if record.recording_id != recording:
+        document = _told_by(registry, found.id, found.robot.name, recording)
     return replace(_with_parts(registry, found, document, recording), source=record.id)
 
 
@@ -321,12 +384,13 @@ def _fitted(document: Document) -> frozenset[str] | None:
     return frozenset(re.sub(r"\[\d+\]$", "", name) for name in (*parts["fit"], *parts["select"]))
 
 
-def _told_by(registry: "Registry", found: Simulator, recording: str | None) -> Document | None:
-    """The newest of all results about a recording that tells this simulator; None where there is none."""
-    name = found.robot.name
+def _told_by(
+    registry: "Registry", identity: str | None, robot: str, recording: str | None
+) -> Document | None:
+    """The newest of all results about a recording that tells a simulator (its id) of a robot (its name), or None."""
     for word in (each for one in WORDS.values() for each in _each(one)) if recording else ():
         for record in about(registry, word.kind, recording):
-            if record.document.get("robot", name) == name and word.told(record.document) == found.id:
+            if record.document.get("robot", robot) == robot and word.told(record.document) == identity:
                 return record.document
     return None
 
@@ -336,17 +400,17 @@ def _with_parts(
 ) -> Simulator:
     """The simulator with what a result about the recording, else its own lineage, says that it was fitted to, and with
     what those were fitted to that it came from."""
-    before = () if recording is None else lineages(registry, found)[1:]
-    shaped = (one.get("episodes", ()) for one in before if one.get("recording") == recording)
-    found = replace(found, inherited=frozenset().union(*shaped))
+    if recording is None:
+        return found
+    before = _inherited(registry, found, recording)
+    if before is None:
+        return replace(found, fitted_to=None)
+    found = replace(found, inherited=before)
     if document is not None:
         told = {"parts": document.get("parts"), "asked": document.get("asked") or {}}
         return replace(found, fitted_to=_fitted(document), **told)
-    fitted = (found.lineage.get("recording"), *found.lineage.get("recordings", ()))
-    made_here = recording is not None and recording in fitted
-    if made_here and recording == found.lineage["recording"] and "episodes" in found.lineage:
-        return replace(found, fitted_to=frozenset(found.lineage["episodes"]))
-    return replace(found, fitted_to=None if made_here else frozenset())
+    own = _shaped(registry, found.id, found.lineage, found.robot.name, recording)
+    return replace(found, fitted_to=own)
 
 
 def _no_simulator(ref: str, record: "ResultRecord") -> NoMatchError:

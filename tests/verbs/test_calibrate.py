@@ -343,9 +343,28 @@ def test_a_start_that_saw_what_is_held_out_is_told_and_no_other_one(session: Ses
         warnings.simplefilter("error", Assumed)
         session.calibrate("third", hold_out="e4", **told)
         asked(session, place, "random", budget=5, hold_out="e0", start=start)
-        session.calibrate(["bench", "third"], hold_out="third/e4", **told)
+        both = session.calibrate(["bench", "third"], hold_out="third/e4", **told)
     with pytest.warns(Assumed, match="shaped by bench/e4, which"):
         session.calibrate(["bench", "third"], hold_out="bench/e4", **told)
+    _knows_its_parts(session, both)
+
+
+def _knows_its_parts(session: Session, both: Calibration) -> None:
+    """A simulator that was fitted to two recordings but for third/e4, and one that came from it, in each question."""
+    robot, registry = load_robot("servo_pendulum"), session.registry
+    told = {"method": "random", "budget": 5, "start": both.simulator, "threads": 1}
+    with pytest.warns(Assumed, match="shaped by e4, which is held out"):
+        child = session.calibrate("bench", hold_out="e4", **told).simulator
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", Assumed)
+        session.calibrate("third", hold_out="e4", **told)
+    every = {"e0", "e1", "e2", "e3", "e4"}
+    for name, expected in (("bench", every), ("third", every - {"e4"})):
+        asked_about = registry.resolve(name, ("recording",))[1]
+        assert simulator(registry, both.simulator, robot, asked_about).fitted_to == expected
+        assert simulator(registry, child, robot, asked_about).inherited == expected
+    joined = simulator(registry, child, robot, both.recording)
+    assert "bench/e0" in joined.fitted_to and "third/e4" not in joined.fitted_to | joined.inherited
 
 
 def test_what_shaped_the_parents_of_a_start_is_told(session: Session, place: Path) -> None:
