@@ -18,6 +18,8 @@ from dynreg.search.table import FORMER, SEARCHES
 from dynreg.sim.table import Table
 from dynreg.tomlfile import line_of, parse_toml, read_text
 
+LOSS_UNITS = {"replay": "", "joint": "rad^2", "velocity": "m^2/s^2"}
+
 
 class StageTable(Table):
     """[[stages]]: one search of a staged calibration (paper E)."""

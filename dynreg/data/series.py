@@ -1,6 +1,6 @@
 """A log as it was read: every numeric signal under its source name, before any robot is known."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -29,6 +29,19 @@ class Finding:
 
     def __str__(self) -> str:
         return f"{self.severity} [{self.check}] {self.where}: {self.message}"
+
+
+def once(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """What is found alike in several places as one finding: the first place, and how many more.
+
+    >>> [one.where for one in once(Finding("info", "gap", where, "long") for where in ("a", "b", "c"))]
+    ['a (and 2 more such places)']
+    """
+    places: dict[tuple[str, str, str], list[str]] = {}
+    for f in findings:
+        places.setdefault((f.severity, f.check, f.message), []).append(f.where)
+    more = {key: f" (and {len(where) - 1} more such places)" for key, where in places.items() if where[1:]}
+    return tuple(Finding(k[0], k[1], where[0] + more.get(k, ""), k[2]) for k, where in places.items())
 
 
 @dataclass(frozen=True)

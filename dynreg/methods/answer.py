@@ -15,9 +15,9 @@ class Version:
     stage : what made it. parent : number of the version that it came from; None of the nominal simulator, or the one
     that the question begins with. entry : id of the registered simulator that it is; None of a new one. episodes : of
     the recording, that shaped it. before, after : the objective that the stage made small, at its parent and at it;
-    None where the stage has none. figures : what else is worth telling, by name. history : (simulators run in the
-    stage, lowest objective) whenever it fell; empty of a stage that is no search. trials : names of the trials on the
-    robot that shaped it.
+    None where the stage has none. unit : of these, "" of a replay error. figures : what else is worth telling, by name.
+    history : (simulators run in the stage, lowest objective) whenever it fell; empty of a stage that is no search.
+    trials : names of the trials on the robot that shaped it.
     """
 
     stage: str
@@ -31,6 +31,7 @@ class Version:
     figures: Mapping[str, float] = field(default_factory=dict)
     history: tuple[tuple[int, float], ...] = ()
     trials: tuple[str, ...] = ()
+    unit: str = ""
 
 
 @dataclass(frozen=True, eq=False)

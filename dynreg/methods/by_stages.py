@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dynreg.adapt.plan import resolved
+from dynreg.adapt.plan import LOSS_UNITS, resolved
 from dynreg.adapt.staged import staged, within
 from dynreg.methods.answer import Answer, Version
 from dynreg.methods.calibrator import Evidence, Limits, Question
@@ -42,6 +42,7 @@ class Staged:
                 one.first,
                 one.last,
                 history=one.history,
+                unit=LOSS_UNITS[stage.table.loss],
             )
             for number, (stage, loss, one) in enumerate(zip(stages, losses, found, strict=True))
         )

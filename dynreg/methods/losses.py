@@ -136,7 +136,7 @@ def _joints(data: Data, stage: Stage) -> np.ndarray:
 def _untold(stage: Stage, data: Data, lack: str, other: str) -> UsageError:
     table = stage.table
     return UsageError(
-        f"stage {table.name!r}: loss {table.loss!r} of {data.robot.name!r}, which has {lack}",
+        f"{table.place('loss')}stage {table.name!r}: loss {table.loss!r} of {data.robot.name!r}, which has {lack}",
         expected=other,
         do="choose one of these",
     )

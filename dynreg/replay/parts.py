@@ -1,6 +1,7 @@
 """The parts of a recording: fit and select choose the answer, test is read once, at the end."""
 
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 
 import numpy as np
 
@@ -153,7 +154,7 @@ def _test_groups(
         return np.sort(stream(seed, "hold out").permutation(numbers)[:count])
     chosen = [i for i, episode in enumerate(recording.episodes) if _matches(episode, hold_out)]
     asked = [] if "=" in hold_out else [name.strip() for name in hold_out.split(",")]
-    if not chosen or not {e.name for e in recording.episodes}.issuperset(asked):
+    if not chosen or not all(any(_called(e.name, one) for e in recording.episodes) for one in asked):
         known = sorted({f"{k}={v:g}" for e in recording.episodes for k, v in e.settings.items()})
         raise UsageError(
             f"hold-out {hold_out!r} names what is no episode"
@@ -185,10 +186,19 @@ def _as_share(hold_out: str) -> float | None:
     return share
 
 
+def _called(episode: str, asked: str) -> bool:
+    """Whether an episode has a name, or one of a pattern, or is one of the joined recording of that name.
+
+    >>> _called("air/e1", "air"), _called("air/e1", "air/*"), _called("air/e1", "e1")
+    (True, True, False)
+    """
+    return episode == asked or fnmatchcase(episode, asked) or episode.startswith(f"{asked}/")
+
+
 def _matches(episode, hold_out: str) -> bool:
     setting, equals, value = hold_out.partition("=")
     if not equals:
-        return episode.name in [name.strip() for name in hold_out.split(",")]
+        return any(_called(episode.name, name.strip()) for name in hold_out.split(","))
     try:
         wanted = [float(v) for v in value.split(",")]
     except ValueError:

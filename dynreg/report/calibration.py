@@ -1,15 +1,19 @@
 """The room of a calibration: its words, its tables and its page."""
 
+from collections.abc import Iterator
 from typing import Any
 
 from rich.console import Group
 from rich.text import Text
 
+from dynreg.errors import command
 from dynreg.report import on_robot
 from dynreg.report.drawing import Chart, chart, estimate_track
 from dynreg.report.grid import estimate_table, table
 from dynreg.report.words import cost_words, count, held_out_words, number
 from dynreg.results.calibration import Calibration
+
+POOR = 0.5  # of the motion: what errs more predicts less than half of it
 
 
 def verdict(result: Calibration) -> str:
@@ -28,10 +32,10 @@ def verdict(result: Calibration) -> str:
         if result.method == "nearest"
         else f"fitted {count(len(result.parameters), 'parameter')} of"
     )
+    recording = result.recording_name or result.recording[:12]
     return (
-        f"{result.method} {did} {result.robot} for"
-        f" {result.recording[:12]}{named}: replay error {number(error)} on the {part} part (nominal"
-        f" {number(nominal)})."
+        f"{result.method} {did} {result.robot} for {recording}{named}: replay error {number(error)} on the {part} part "
+        f"(nominal {number(nominal)})."
     )
 
 
@@ -51,7 +55,7 @@ def made(result: Calibration) -> list[tuple[str, ...]]:
             v.simulator[:12],
             v.parent[:12] if v.parent else "nominal",
             number(v.before),
-            number(v.after),
+            f"{number(v.after)} {v.unit}".strip(),
             count(len(v.trials), "trial") if result.on_robot else count(len(v.episodes), "episode"),
             ", ".join(f"{name} {number(value)}" for name, value in v.figures.items()),
         )
@@ -69,22 +73,41 @@ def columns(rows: list[tuple[str, ...]]) -> tuple[str, ...]:
 
 
 def next_steps(result: Calibration) -> tuple[str, ...]:
-    """What to do next."""
+    """What a reader must know of the errors, and what to do next."""
     if result.on_robot is not None:
         return on_robot.next_steps(result)
-    asked = result.recording[:12]
-    query = (f"Compare with a query: dynreg query {asked}",) if result.population is None else ()
+    return (*_doubts(result), *_tries(result))
+
+
+def _doubts(result: Calibration) -> Iterator[str]:
+    """Why the errors say less than they seem to, and what they say of the model."""
+    diagnose = command("diagnose", result.recording_name or result.recording[:12])
+    if result.seen:
+        are = "it is" if len(result.seen) == 1 else "they are"
+        yield f"The test error is too low: {', '.join(result.seen)} shaped the simulator, though {are} held out."
+    if result.train_error > POOR:
+        log = command("doctor", "LOG", "--robot", result.robot)
+        yield (
+            f"Not even what was fitted is explained: the error is {number(result.train_error)} times the motion. Check "
+            f"the log with {log}, and ask {diagnose} what the model lacks."
+        )
+    if result.test_error is not None and result.test_error > result.nominal_test_error:
+        missing = "." if result.method == "diagnose" else f": ask {diagnose} what is missing."
+        yield (
+            f"It errs more than the nominal simulator on what was held out, so it does not carry over{missing}"
+        )
+
+
+def _tries(result: Calibration) -> Iterator[str]:
+    """What to do next."""
     last = result.versions[-1] if result.versions else None
     if last is not None and last.before is not None and last.before == last.after:
-        query = (
-            "Nothing better was found than what it began with: raise --budget, or try another method.",
-            *query,
-        )
-    if result.test_error is None or result.test_error <= result.nominal_test_error:
-        return query
-    worse = "It errs more than the nominal simulator on what was held out, so it does not carry over"
-    missing = "." if result.method == "diagnose" else f": ask dynreg diagnose {asked} what is missing."
-    return (worse + missing, *query)
+        yield "Nothing better was found than what it began with: raise --budget, or try another method."
+    if result.test_error is None:
+        yield "Give --hold-out, so that an error on other episodes tells whether it carries over."
+    else:
+        named = result.recording_name or result.recording[:12]
+        yield f"Compare: {command('compare', named, '--with', f'nominal,{result.simulator[:12]}')}"
 
 
 def tables(result: Calibration) -> Group:

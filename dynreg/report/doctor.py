@@ -4,6 +4,7 @@ import re
 
 from rich.console import Group, RenderableType
 
+from dynreg.data.series import Finding, once
 from dynreg.errors import LogError
 from dynreg.report.grid import table
 from dynreg.report.words import first_of, number
@@ -25,11 +26,10 @@ def _findings(result: LogFindings) -> RenderableType:
     """What is found alike in several episodes or files is one row: the first place, and how many more."""
     if not result.findings:
         return "nothing wrong was found: the logs can be ingested"
-    places: dict[tuple[str, str, str], list[str]] = {}
-    for f in result.findings:
-        places.setdefault((f.severity, f.check, f.message), []).append(f.where)
-    more = {key: f" (and {len(where) - 1} more such places)" for key, where in places.items() if where[1:]}
-    rows = [(key[0], key[1], where[0] + more.get(key, ""), key[2]) for key, where in places.items()]
+    rows = [
+        (f.severity, f.check, f.where, f.message)
+        for f in once(Finding(f.severity, f.check, f.where, f.message) for f in result.findings)
+    ]
     return table(("severity", "check", "where", "finding"), rows)
 
 

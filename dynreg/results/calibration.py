@@ -40,8 +40,8 @@ class CalibrationVersion(Result):
 
     simulator : its id. stage : what made it. parent : id of the simulator that it came from; null for the nominal one.
     recordings, episodes : what shaped it: ids and names. before, after : the objective of its stage, at its parent and
-    at it; null where the stage has none. figures : what else the method tells of it, by name. trials : names of the
-    trials on the robot that shaped it.
+    at it, in `unit` ("" of a replay error); null where the stage has none. figures : what else the method tells of it,
+    by name. trials : names of the trials on the robot that shaped it.
     """
 
     simulator: str
@@ -51,6 +51,7 @@ class CalibrationVersion(Result):
     episodes: tuple[str, ...]
     before: float | None = None
     after: float | None = None
+    unit: str = ""
     figures: dict[str, float] = {}
     trials: tuple[str, ...] = ()
 
@@ -115,6 +116,10 @@ class CalibrationCost(Cost):
 class Calibration(Result):
     """A simulator fitted to a recording by a method; by `btr` to the robot itself, and recording and errors are null.
 
+    recording_name : what the recording is called; "" in documents of older versions. seen : episodes of the test part
+    that shaped the simulator all the same, by its start or by how the method cuts the recording: the test error is too
+    low.
+
     versions : every simulator that was made on the way, in order; the last is `simulator`. causes : keys of the effects
     that `simulator` has; null of a method that looks for none. Errors are replay errors, 1 as large as the motion, on
     the recording without its held-out part and on that part (null without one). parts : episodes of the fit, select and
@@ -128,6 +133,7 @@ class Calibration(Result):
     schema_: Literal["dynreg/calibration/2"] = Field(default="dynreg/calibration/2", alias="schema")
     robot: str
     recording: str | None
+    recording_name: str = ""
     method: str
     simulator: str
     versions: tuple[CalibrationVersion, ...] = ()
@@ -139,6 +145,7 @@ class Calibration(Result):
     nominal_test_error: float | None
     history: tuple[CalibrationStep, ...]
     parts: dict[str, tuple[str, ...]] | None = None
+    seen: tuple[str, ...] = ()
     ended: str = ""
     population: str | None = None
     seed: int | None = None
@@ -164,6 +171,7 @@ class Calibration(Result):
                 "simulator": v.simulator[:12],
                 "before": v.before,
                 "after": v.after,
+                "unit": v.unit,
                 **v.figures,
             }
             for v in self.versions

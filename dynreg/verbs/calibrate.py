@@ -200,8 +200,9 @@ def _fitted(
 
     question, evidence, limits = posed
     cut = question.data
-    if begin is not None and (seen := shaped_by(asked, begin, cut.named["test"])):
-        tell_seen("the start was shaped by", seen)
+    shaped = () if begin is None else shaped_by(asked, begin, cut.named["test"])
+    if shaped:
+        tell_seen("the start was shaped by", shaped)
     found = METHODS[settings.method].made().fit(question, evidence, limits)
     if found.saw:
         tell_seen(f"{settings.method} cuts the recording in its own way, and saw", found.saw)
@@ -219,7 +220,7 @@ def _fitted(
         core_seconds=time.process_time() - began[1],
     )
     made = document(asked, settings, question, evidence.population, found, ids, errors, cost)
-    return made.model_copy(update={"question": key})
+    return made.model_copy(update={"question": key, "seen": tuple(dict.fromkeys((*shaped, *found.saw)))})
 
 
 def stored_answer(registry: "Registry", recording: str | None, key: str) -> "Calibration | None":
@@ -291,7 +292,7 @@ def _plan_file(given: Path) -> Path:
         raise UsageError(
             f"plan {str(given)!r}",
             expected=f"a file{''.join(f', {given.parent}/{one}' for one in own)}",
-            do="correct it",
+            do="correct it" if own else f"write one: robot {str(given.parent)!r} brings none",
             setting="plan",
         )
     return own[name]

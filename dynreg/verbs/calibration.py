@@ -73,6 +73,7 @@ def document(
     return Calibration(
         robot=cut.robot.name,
         recording=asked.recording.id,
+        recording_name=asked.name,
         method=settings.method,
         simulator=ids[-1][0],
         versions=versions(found, ids, asked),
@@ -114,6 +115,7 @@ def versions(
             episodes=version.episodes,
             before=version.before,
             after=version.after,
+            unit=version.unit,
             figures=dict(version.figures),
             trials=version.trials,
         )

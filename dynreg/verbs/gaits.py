@@ -99,9 +99,12 @@ def _record(registry: Registry, ref: str) -> ResultRecord:
     kind, identity = registry.resolve(ref, ("result", "recording"))
     record = registry.result(identity) if kind == "result" else registry.latest("gait", identity)
     if record.kind != "gait":
+        own = (record.document.get("on_robot") or {}).get("document")
         raise UsageError(
             f"result {ref!r} is of kind {record.kind!r}",
-            expected="a gait",
-            do="see `dynreg list --kind result`, or search for one with `dynreg gait`",
+            expected=f"a gait{f', such as {own[:12]}, which it found' if own else ''}",
+            do="name that"
+            if own
+            else "see `dynreg list --kind result`, or search for one with `dynreg gait`",
         )
     return record

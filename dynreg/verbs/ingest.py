@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dynreg.data.recording import Recording
+from dynreg.data.series import Finding, once
 from dynreg.errors import UsageError
 from dynreg.progress import Progress
 from dynreg.registry import RecordingInfo, Registry
@@ -127,8 +128,8 @@ def _robot(registry: Registry, recording: str) -> str:
 
 
 def recording_summary(identity: str, recording: Recording, robot: str, name: str) -> RecordingSummary:
-    """The ingested recording, with the findings of the checks."""
-    findings = recording.provenance.get("findings", [])
+    """The ingested recording, with the findings of the checks; those that are alike are one."""
+    findings = once(Finding(**told) for told in recording.provenance.get("findings", ()))
     return RecordingSummary(
         recording=identity,
         name=name,
@@ -141,5 +142,5 @@ def recording_summary(identity: str, recording: Recording, robot: str, name: str
         channels=recording.names,
         settings=tuple(sorted({k for e in recording.episodes for k in e.settings})),
         gait=recording.provenance.get("gait"),
-        findings=tuple(f"{f['severity']}: {f['where']}: {f['message']}" for f in findings),
+        findings=tuple(f"{f.severity}: {f.where}: {f.message}" for f in findings),
     )

@@ -92,10 +92,12 @@ class Journals:
         """
         path, first = self._path(stage), not self.paths
         begins = path.name.partition("-")[0]
-        if first and self.resume and not path.exists() and any(path.parent.glob(f"{begins}-*.jsonl")):
+        others = sorted(path.parent.glob(f"{begins}-*.jsonl"))
+        if first and self.resume and not path.exists() and others:
             raise UsageError(
-                f"nothing to resume with seed {self.how['seed']} and these settings: what was interrupted had others",
-                expected=f"the same {', '.join(self.how)}",
+                "nothing to resume with these settings: what was interrupted had others",
+                expected="; or ".join(filter(None, map(self._others, others)))
+                or f"the same {', '.join(self.how)}",
                 do="give those, or begin anew without --resume",
             )
         if first and self.resume and not path.exists() and not self.trials:
@@ -105,6 +107,14 @@ class Journals:
         if not self.trials:
             key["versions"] = versions()
         return Journal(path, key, resume=self.resume and (stage == self.trials or self._serves(path, stage)))
+
+    def _others(self, path: Path) -> str:
+        """What an interrupted run was told otherwise, in words; "" where its journal does not tell."""
+        begun = head(path) or {}
+        unlike = {name: begun[name] for name, value in self.how.items() if begun.get(name, value) != value}
+        return ", ".join(
+            "another plan" if name == "plan" else f"{name} {told}" for name, told in unlike.items()
+        )
 
     def _serves(self, path: Path, stage: str) -> bool:
         """Whether the simulations that an interrupted run left can be used; where not, that is told.

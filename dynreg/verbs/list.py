@@ -1,5 +1,6 @@
 """What a registry holds."""
 
+import re
 from collections.abc import Iterator, Mapping
 from operator import itemgetter
 from typing import Any
@@ -11,6 +12,7 @@ from dynreg.verbs.simulators import made
 
 KINDS = ("population", "recording", "measured", "simulator", "result", "robot")
 Row = tuple[str, str, str, dict[str, Any]]  # id, name, robot, detail
+SHOWN = 3  # held-out episodes in a row of the list
 # Of a result's document, what tells it from others of its kind.
 TELLING = ("on", "method", "task", "verdict", "test_error")
 
@@ -77,9 +79,32 @@ def _simulators(registry: Registry) -> Iterator[Row]:
 
 def _results(registry: Registry) -> Iterator[Row]:
     for record in [registry.result(i) for i in registry.ids("result")]:
-        detail = {"recording": record.recording_id[:12]} if record.recording_id else {}
+        detail = {"recording": _name_of(registry, record.recording_id)} if record.recording_id else {}
         detail |= {name: record.document[name] for name in TELLING if record.document.get(name) is not None}
-        yield record.id, record.kind, record.document.get("robot", ""), detail | _score(record.document)
+        detail |= _tested(record.document) | _score(record.document)
+        yield record.id, record.kind, record.document.get("robot", ""), detail
+
+
+def _name_of(registry: Registry, recording: str) -> str:
+    """What a recording is called; the beginning of its id where it is gone."""
+    return registry.recording_info(recording).name if registry.holds(recording) else recording[:12]
+
+
+def _tested(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Of a calibration with a test error what was held out for it, and what of that it saw; else nothing.
+
+    Errors can be compared where the same was held out.
+    """
+    if document.get("test_error") is None or not (held := (document.get("parts") or {}).get("test")):
+        return {}
+    whole = [*dict.fromkeys(re.sub(r"\[\d+\]$", "", name) for name in held)]
+    told = (
+        ", ".join(whole)
+        if len(whole) <= SHOWN
+        else f"{', '.join(whole[:SHOWN])} and {len(whole) - SHOWN} more"
+    )
+    seen = document.get("seen")
+    return {"held_out": told, **({"saw": ", ".join(seen)} if seen else {})}
 
 
 def _score(document: Mapping[str, Any]) -> dict[str, Any]:

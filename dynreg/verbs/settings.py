@@ -13,7 +13,11 @@ import inspect
 import re
 import warnings
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import MISSING, Field, dataclass, field, fields
+from numbers import Real
+from operator import index
+from pathlib import Path
 from typing import Any, TypeVar, get_args
 
 from dynreg.errors import OldWord, UsageError
@@ -142,7 +146,10 @@ def method() -> Any:
 def hold_out(usual: str = "a fifth of the episodes; of one run, pieces of it") -> Any:
     """The setting that every verb has which keeps a part of the recording to judge by; see `replay.parts`."""
     return option(
-        None, "Held-out test part: a setting (kp=400), episodes (a,b) or a share (0.25).", usual=usual
+        None,
+        "Held-out test part: a setting (kp=400), episodes (a,b or walk*), one of several recordings by its name, or a "
+        "share (0.25).",
+        usual=usual,
     )
 
 
@@ -150,8 +157,8 @@ def hold_out(usual: str = "a fifth of the episodes; of one run, pieces of it") -
 class Settings:
     """Base of what a verb can be told: frozen, and checked when it is made.
 
-    A sequence becomes a tuple, an old word what it is called now. A verb with rules between its settings extends
-    `__post_init__`.
+    A sequence becomes a tuple, an old word what it is called now, a number of numpy one of Python, and text that names
+    a file its path. A verb with rules between its settings extends `__post_init__`.
     """
 
     def __post_init__(self) -> None:
@@ -165,8 +172,38 @@ class Settings:
                 value = tuple(today(each, how.old) for each in value)
             elif isinstance(value, str):
                 value = today(value, how.old)
+            value = typed(one, value)
             object.__setattr__(self, one.name, value)
             how.check(one.name, value)
+
+
+def typed(one: Field, value: Any) -> Any:
+    """A setting's value as its type; UsageError for a number or a flag that is none."""
+    kinds = get_args(one.type) or (one.type,)
+    if Path in kinds and isinstance(value, str):
+        return Path(value)
+    kind = next((k for k in _MADE if k in kinds), None)
+    if value is None or kind is None or isinstance(value, str) and str in kinds:
+        return value
+    if kind is bool or not isinstance(value, bool):
+        with suppress(TypeError):
+            return _MADE[kind](value)
+    raise UsageError(f"{one.name} {value!r}", expected=_KINDS[kind], do="give one", setting=one.name)
+
+
+def _flag(value: Any) -> bool:
+    if type(value).__name__ not in ("bool", "bool_"):  # numpy's too, without the import
+        raise TypeError
+    return bool(value)
+
+
+def _number(value: Any) -> float:
+    if not isinstance(value, Real):
+        raise TypeError
+    return float(value)
+
+
+_MADE: Mapping[type, Callable[[Any], Any]] = {bool: _flag, int: index, float: _number}
 
 
 def today(word: str, old: Mapping[str, str]) -> str:

@@ -170,8 +170,9 @@ def recorded(
     if identity is None:
         owner = loaded_robot(robot, registry=registry)
         loaded = read_log(reference, owner, log_map)
+        _tell_found(loaded)
         if not ingest:
-            return Recorded(registry, owner, loaded, loaded.id[:12])
+            return Recorded(registry, owner, loaded, _known_as(registry, loaded.id, owner.hash))
         identity = register(registry, owner, loaded)
     elif robot is None:
         owner = robot_of(registry, identity, reference)
@@ -184,6 +185,21 @@ def recorded(
     if owner.hash not in (info.robot_hash, *info.robots):
         require_fits(asked, owner)
     return asked
+
+
+def _tell_found(recording: "Recording") -> None:
+    """Warn of what the checks found in a log, as `ingest` tells it."""
+    from dynreg.data.series import Finding, once
+
+    found = [Finding(**told) for told in recording.provenance.get("findings", ())]
+    for one in once(f for f in found if f.severity == "warning"):
+        warnings.warn(f"{one.where}: {one.message}", Assumed, 3)
+
+
+def _known_as(registry: Registry, identity: str, robot_hash: str) -> str:
+    """What the recording of a log is called, where these numbers are registered; else the beginning of its id."""
+    known = registry.holds(identity)
+    return registry.recording_info(identity).name_with(robot_hash) if known else identity[:12]
 
 
 def _called(info: RecordingInfo, reference: str | Path | RecordingSummary, robot_hash: str) -> str:

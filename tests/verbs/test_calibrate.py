@@ -19,7 +19,7 @@ from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.methods.calibrator import Question
 from dynreg.methods.table import METHODS
 from dynreg.replay.data import data
-from dynreg.report.calibration import columns, made
+from dynreg.report.calibration import columns, made, next_steps
 from dynreg.report.html import page
 from dynreg.results import Calibration
 from dynreg.session import Session
@@ -152,7 +152,7 @@ def test_an_interrupted_calibration_goes_on_and_asks_for_the_same_settings(
 
     with pytest.raises(KeyboardInterrupt):
         asked(session, place, "es", seed=5, budget=30, progress=stop)
-    with pytest.raises(UsageError, match=r"nothing to resume with seed 6"):
+    with pytest.raises(UsageError, match="nothing to resume .* expected seed 5; give"):
         asked(session, place, "es", seed=6, budget=30, resume=True)
     again = asked(session, place, "es", seed=5, budget=30, resume=True)
     whole = asked(session, place, "es", seed=5, budget=30)
@@ -476,3 +476,35 @@ def test_a_plan_that_was_interrupted_in_its_first_stage_goes_on_beside_another_r
             asked(session, place, "staged", seed=seed, hold_out="e3", progress=stop_in(stage))
     again = asked(session, place, "staged", seed=8, hold_out="e3", resume=True)
     assert again.parameters == whole.parameters and again.cost.resumed > 0
+
+
+def test_a_result_says_what_of_the_held_out_part_it_saw(session: Session, place: Path) -> None:
+    start = asked(session, place, "random", seed=30, budget=5, hold_out="e0").simulator
+    with pytest.warns(Assumed, match="shaped by e4"):
+        found = asked(session, place, "random", seed=31, budget=5, hold_out="e4", start=start)
+    assert found.seen == ("e4",) and found.recording_name == "bench"
+    row = session.list("result").items[-1].detail
+    assert (row["recording"], row["held_out"], row["saw"]) == ("bench", "e4", "e4")
+    steps = next_steps(found)
+    assert steps[0] == "The test error is too low: e4 shaped the simulator, though it is held out."
+    assert steps[-1] == f"Compare: dynreg compare bench --with nominal,{found.simulator[:12]}"
+    lost = next_steps(found.model_copy(update={"train_error": 0.8, "seen": ()}))
+    assert lost[0].startswith("Not even what was fitted is explained") and "diagnose bench" in lost[0]
+
+
+def test_a_log_by_its_path_tells_what_the_checks_found(session: Session, place: Path, tmp_path: Path) -> None:
+    def stuck(i: int, row: list[float]) -> list[float]:
+        return [*row[:1], 0.0, *row[2:]]
+
+    (tmp_path / "stuck.csv").write_text(bench_csv(stuck), encoding="utf-8")
+    with pytest.warns(Assumed, match="while its velocity says that it moves"):
+        session.calibrate(
+            tmp_path / "stuck.csv", robot="servo_pendulum", method="random", budget=2, threads=1
+        )
+
+
+def test_a_plan_is_named_by_text_too(session: Session, place: Path) -> None:
+    told = {"method": "staged", "threads": 1, "hold_out": "e0", "budget": 60}
+    assert session.calibrate("bench", plan=str(place / "plan.toml"), **told).versions[0].unit in ("", "rad^2")
+    with pytest.raises(UsageError, match="brings none"):
+        session.calibrate("bench", plan="leg/air", **told)

@@ -201,7 +201,7 @@ def test_trials_of_one_folder_are_not_taken_for_those_of_another(
     with pytest.raises(KeyboardInterrupt):
         calibrated(opened, brief, tmp_path / "one", say=stops)
     (tmp_path / "one" / "trial_1_score.txt").write_text("0.2")
-    with pytest.raises(UsageError, match="nothing to resume .* expected the same .*trial"):
+    with pytest.raises(UsageError, match="nothing to resume .* expected trial .*one; give"):
         calibrated(opened, brief, tmp_path / "two", resume=True, trials=1)
     monkeypatch.chdir(tmp_path)
     found = calibrated(opened, brief, "one", resume=True, trials=1)

@@ -2,7 +2,9 @@
 
 import inspect
 from dataclasses import dataclass
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from dynreg.errors import OldWord, UsageError
@@ -20,6 +22,8 @@ class Ask(Settings):
         None, "Which ones.", choices=lambda: ("a", "b"), usual="all", some="kinds"
     )
     longest: float = option(2.0, "Seconds.", above=0.0)
+    again: bool = option(False, "Again.")
+    file: Path | None = option(None, "A file.")
     seed: int = seed()
     threads: int = threads()
 
@@ -37,6 +41,11 @@ class Ask(Settings):
         ({"seed": -1}, "seed -1; expected a whole number of 0 or more"),
         ({"kinds": ()}, "no kinds; expected kinds such as a,b"),
         ({"seed": None}, "seed None; expected a whole number; leave it out for 0"),
+        ({"seed": 1.5}, "seed 1.5; expected a whole number; give one"),
+        ({"k": "5"}, "k '5'; expected a whole number; give one"),
+        ({"longest": "2"}, "longest '2'; expected a number; give one"),
+        ({"longest": True}, "longest True; expected a number; give one"),
+        ({"again": 1}, "again 1; expected True or False; give one"),
         ({"kind": None}, "kind None; expected a word; leave it out for 'a'"),
     ],
 )
@@ -51,6 +60,15 @@ def test_an_old_word_still_works_and_says_what_it_is_called_now():
         assert Ask(how="quickly").how == "fast"
 
 
+def test_numbers_of_numpy_and_names_of_files_become_what_they_mean():
+    told = Ask(
+        k=np.int64(3), longest=np.float32(0.5), again=np.bool_(True), seed=np.uint8(4), file="a/b.toml"
+    )
+    assert (told.k, told.longest, told.again, told.seed) == (3, 0.5, True, 4)
+    assert [type(one) for one in (told.k, told.longest, told.again, told.seed)] == [int, float, bool, int]
+    assert told.file == Path("a/b.toml")
+
+
 def test_sequences_become_tuples_and_none_is_left_alone():
     assert Ask(kinds=["a", "b"]).kinds == ("a", "b")
     assert Ask().kinds is None
@@ -63,7 +81,7 @@ def test_a_method_names_every_setting():
 
     signature = inspect.signature(ask)
     assert list(signature.parameters) == [
-        "self", "recording", "k", "kind", "how", "kinds", "longest", "seed", "threads", "progress",
+        "self", "recording", "k", "kind", "how", "kinds", "longest", "again", "file", "seed", "threads", "progress",
     ]  # fmt: skip
     assert signature.parameters["k"].default == 5
     assert "kinds : Which ones. One of a, b. None: all." in ask.__doc__
