@@ -48,6 +48,10 @@ class LogError(DynregError):
     """A log that cannot be read or does not hold what is needed."""
 
 
+class CheckError(LogError):
+    """A log that was read as its map says, and that a check refuses."""
+
+
 class MapError(DynregError):
     """A map file that does not say how a log becomes a robot's channels."""
 

@@ -24,7 +24,7 @@ from dynreg.data.resample import left_out, resample
 from dynreg.data.schema import RecordingSpec
 from dynreg.data.series import Finding, RawLog
 from dynreg.data.words import steady
-from dynreg.errors import DynregError, LogError, MapError
+from dynreg.errors import CheckError, DynregError, LogError, MapError
 
 __all__ = ["Finding", "RawLog", "doctor", "examine", "read_log", "read_recording"]
 
@@ -85,11 +85,11 @@ def read_recording(paths: Paths, spec: RecordingSpec, log_map: LogMap | None = N
 
 
 def _refuse(files: Sequence[Path], episodes: Sequence[RawEpisode], findings: Sequence[Finding]) -> None:
-    """Raises LogError for a log that a check refuses, or that holds no episode."""
+    """Raises CheckError for a log that a check refuses, LogError for one that holds no episode."""
     blocking = errors(findings)
     if blocking:
         more = f" (and {len(blocking) - 1} more)" if len(blocking) > 1 else ""
-        raise LogError(
+        raise CheckError(
             f"{blocking[0].where}: {blocking[0].message}{more}",
             expected="a log that passes the checks",
             do="run `dynreg doctor` on it to see everything that was found",

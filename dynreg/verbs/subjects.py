@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from dynreg.errors import (
     AmbiguousError,
     Assumed,
+    CheckError,
     DynregError,
     LogError,
     MapError,
@@ -98,10 +99,10 @@ def _read(paths: list[Path], robot: "Robot", log_map: "str | Path | LogMap | Non
         for path in sorted((robot.folder / "maps").glob("*.toml")):
             try:
                 return read_recording(paths, spec, read_own_map(path))
-            except MapError:
+            except CheckError as problem:  # it is its map: what a check says is what is wrong
+                told = told if isinstance(told, CheckError) else problem
+            except (LogError, MapError):
                 continue  # it is the map of another log
-            except LogError as problem:  # its map, and something is wrong with it
-                told = problem if told is unmapped else told
         raise told from None
 
 
