@@ -28,6 +28,7 @@ STILL = 2.0  # times its noise that a signal varies, 1 sigma, below which its mo
 WHOLE = 0.02  # share of a quantum by which steps may miss a whole number of it
 FOLLOWS = 0.8  # correlation from which a command is one for the position
 FASTEST = 500.0  # Hz: a faster log is thinned by whole numbers
+RARE = 5.0  # Hz: commands that come less often are held, and the robot's rate is that of its measurements
 
 
 @dataclass(frozen=True)
@@ -47,14 +48,17 @@ class Heard:
         return float(np.nanmax(np.abs(self.series[name].values), initial=0.0)) if name in self.series else 0.0
 
     def rate(self, actions: Sequence[str]) -> float | None:
-        """How often commands come [Hz], else the signals: by their stamps, at most `FASTEST`."""
-        told = [self.series[a] for a in actions if a in self.series] or list(self.series.values())
-        steps = [np.median(np.diff(s.time)) for s in told if len(s) > 2]
-        steps = [step for step in steps if step > 0]
-        if not steps:
+        """How often commands come [Hz], by their stamps, at most `FASTEST`; None where no stamps tell.
+
+        How often measurements come, where these are more frequent than commands that are `RARE` or missing.
+        """
+        told = _often([s for name, s in self.series.items() if name in actions])
+        if told is None or told < RARE:
+            measured = _often([s for name, s in self.series.items() if name not in actions])
+            told = max((rate for rate in (told, measured) if rate is not None), default=None)
+        if told is None:
             return None
-        rate = 1.0 / float(np.median(steps))
-        rate /= max(1.0, np.ceil(rate / FASTEST - 1e-3))
+        rate = told / max(1.0, np.ceil(told / FASTEST - 1e-3))
         return (
             float(round(rate)) if abs(rate - round(rate)) < 0.01 * rate and rate > 2 else float(f"{rate:.4g}")
         )
@@ -71,6 +75,13 @@ class Heard:
             return False
         close = np.sqrt(np.mean((at - went_to) ** 2)) < 2.0 * np.std(went_to)
         return bool(close and np.corrcoef(at, went_to)[0, 1] > FOLLOWS)
+
+
+def _often(signals: Sequence[Series]) -> float | None:
+    """How often signals come [Hz], by their stamps; None where these tell nothing."""
+    steps = [np.median(np.diff(s.time)) for s in signals if len(s) > 2]
+    steps = [step for step in steps if step > 0]
+    return 1.0 / float(np.median(steps)) if steps else None
 
 
 def spec_of(model: mujoco.MjModel, channels: Sequence[Named], actions: Sequence[Named]) -> RecordingSpec:

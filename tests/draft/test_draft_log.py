@@ -10,7 +10,7 @@ import strangers
 
 from dynreg.data.ingest import read_log, read_recording
 from dynreg.data.maps import parse_map
-from dynreg.data.series import Series
+from dynreg.data.series import RawLog, Series
 from dynreg.draft.heard import Heard, sensed
 from dynreg.draft.tables import channel_tables
 from dynreg.sim.engines import rollout
@@ -113,6 +113,16 @@ def test_the_rate_of_a_log_is_heard_however_slow_it_is(rate):
     assert Heard({"x/position": Series(np.arange(20) / rate, np.arange(20.0))}).rate([]) == pytest.approx(
         rate
     )
+
+
+def test_commands_that_change_seldom_do_not_slow_the_robot(tmp_path):
+    """Targets on a topic of their own at 2 Hz, states at 100 Hz."""
+    (tmp_path / "arm.xml").write_text(strangers.ARM.format(actuators=strangers.POSITION))
+    fast, slow = np.arange(600) / 100.0, np.arange(12) / 2.0
+    sources = {f"pos_{joint}": Series(fast, 0.3 * np.sin(2 * fast - 0.1)) for joint in ("shoulder", "elbow")}
+    sources |= {f"cmd_{joint}": Series(slow, 0.3 * np.sin(2 * slow)) for joint in ("shoulder", "elbow")}
+    made = strangers.draft(tmp_path / "arm.xml", "arm", log=RawLog(tmp_path / "run.mcap", sources))
+    assert made.robot.rate == 100.0
 
 
 @pytest.mark.parametrize("noise, quantum", [(0.003, 0.0), (0.0, 0.005), (0.0, 0.0)])
