@@ -17,6 +17,7 @@ STUCK_SHARE, STUCK_SECONDS = 0.2, 1.0
 IN_VAIN = 3.0  # times what moved the joint elsewhere: neither friction nor a load holds it then
 STUCK_WAY = 0.1  # way of the velocity, as a share of how far the position goes in all
 SLOW_STEP = 2.0  # [s] between rows: a clock in another unit
+LIKELY: Mapping[str, str] = {"ns": "nanoseconds", "us": "microseconds", "ms": "milliseconds"}
 TURNS = 20.0  # [rad] an angle beyond this without stated limits is worth a word
 BEYOND = 5.0  # times its limit: no scatter, another unit
 LIMIT_MARGIN = 0.01  # share of the range
@@ -115,9 +116,10 @@ def check_clock(time: np.ndarray, where: str) -> Iterator[Finding]:
             if stopped
             else f"{int(equal.sum())} stamps repeat the one before; the last row of each stands",
         )
-    moving = steps[steps > 0]
-    if len(moving) >= 10 and np.median(moving) > SLOW_STEP:
-        yield _slow(float(np.median(moving)), where)
+    moving, unit = steps[steps > 0], likely_unit(time)
+    if unit is not None:
+        text = f"{slow_clock(time, unit)}; set time_unit = {json.dumps(unit)} under [map]"
+        yield Finding("warning", "clock", where, text)
     elif len(moving) >= 10:
         median, late = np.median(moving), np.quantile(moving, 0.99)
         if late > JITTER * median:
@@ -125,19 +127,24 @@ def check_clock(time: np.ndarray, where: str) -> Iterator[Finding]:
             yield Finding("info", "jitter", where, text)
 
 
-def _slow(step: float, where: str) -> Finding:
-    """What is said of a clock whose rows lie so many seconds apart: the unit that makes it a usual rate."""
-    unit, name = (
-        ("ns", "nanoseconds")
-        if step > 2e5
-        else ("us", "microseconds")
-        if step > 200
-        else ("ms", "milliseconds")
-    )
-    text = (
-        f'the median step is {step:.4g} s: the clock looks like {name}; set time_unit = "{unit}" under [map]'
-    )
-    return Finding("warning", "clock", where, text)
+def likely_unit(time: np.ndarray) -> str | None:
+    """The unit ("ms", "us" or "ns") of stamps (T,) whose steps are too long to be seconds; None for others."""
+    step = _usual_step(time)
+    if step <= SLOW_STEP:
+        return None
+    return "ns" if step > 2e5 else "us" if step > 200 else "ms"
+
+
+def slow_clock(time: np.ndarray, unit: str) -> str:
+    """What is said of stamps (T,) that count in this `likely_unit`."""
+    return f"the median step is {_usual_step(time):.4g} s: the clock looks like {LIKELY[unit]}"
+
+
+def _usual_step(time: np.ndarray) -> float:
+    """The median step of a clock [s]; 0 for too few stamps."""
+    steps = np.diff(time)
+    moving = steps[steps > 0]
+    return float(np.median(moving)) if len(moving) >= 10 else 0.0
 
 
 def check_gaps(time: np.ndarray, where: str, gap: float) -> Iterator[Finding]:

@@ -21,7 +21,7 @@ from dynreg.draft.driven import check_gains, drives_of, say_unlimited
 from dynreg.draft.drives import Drive, name_of
 from dynreg.draft.entry import Drafted, DraftOptions, Entry, Notes, listed
 from dynreg.draft.ground import add_ground, base_joint, ground_of, standing_height
-from dynreg.draft.heard import Heard, heard, sensed, spec_of, within_stops
+from dynreg.draft.heard import Heard, heard, require_clocks, sensed, spec_of, within_stops
 from dynreg.draft.measured import (
     EFFORT,
     with_measured_gains,
@@ -70,7 +70,8 @@ def draft_robot(
 ) -> Drafted:
     """A robot folder from a model, and what a log of the robot tells, in this process: see `apart.draft_apart`.
 
-    Raises RobotError where the model cannot be read, or nothing in it can be driven.
+    Raises RobotError where the model cannot be read, or nothing in it can be driven; LogError for a log whose clock
+    tells no rate.
     """
     options = with_base(source, options, log, notes)
     opened = open_model(source, options, notes)
@@ -122,7 +123,10 @@ def _drives(opened: Opened, options: DraftOptions, log: RawLog | None, notes: No
 def _heard(
     model: mujoco.MjModel, drives: Sequence[Drive], base: int, log: RawLog | None, notes: Notes
 ) -> Heard | None:
-    """What the log tells of the robot's channels and commands, and of torques that it measures besides."""
+    """What the log tells of the robot's channels and commands, and of torques that it measures besides.
+
+    Raises LogError for a clock that tells no rate.
+    """
     if log is None:
         return None
     channels = [(name, unit) for name, unit, _ in channel_names(model, base, logged=True)]
@@ -131,12 +135,14 @@ def _heard(
     efforts = [(f"{d.joint}/{EFFORT}", effort_unit(model, d)) for d in drives]
     beside = spec_of(model, [(name, unit) for name, unit in efforts if name not in said], ())
     measured = heard(draft_map(log, beside)).series
+    every = Heard({**told.series, **measured})
+    require_clocks(every, log)
     if not said.keys() & told.series.keys():
         say_no_command(log, actions, [*measured], notes)
     elif measured:
         joints = f"{len(measured)} {'joint' if len(measured) == 1 else 'joints'}"
         notes.add(f"the log measures the torque of {joints}: used to tell gains and limits, not as evidence")
-    return Heard({**told.series, **measured})
+    return every
 
 
 def _map(log: RawLog, spec: RecordingSpec, drives: Sequence[Drive]) -> Draft:

@@ -7,12 +7,14 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
+from dynreg.data.checks import check_clocks, errors, likely_unit, slow_clock
 from dynreg.data.drafting import Draft
 from dynreg.data.episodes import raw_episodes
 from dynreg.data.names import parts_of
 from dynreg.data.schema import ChannelSpec, RecordingSpec
-from dynreg.data.series import Series
+from dynreg.data.series import RawLog, Series
 from dynreg.draft.tables import Sensed
+from dynreg.errors import LogError
 
 Named = tuple[str, str]  # a channel or an action, and its unit
 QUIET = 0.25  # share of a log in which a signal moves least: its noise is that of these moments
@@ -115,6 +117,30 @@ def heard(draft: Draft) -> Heard:
     episodes = raw_episodes(draft.log, draft.log_map, draft.spec)
     longest = max(episodes, key=lambda e: max((len(s) for s in e.channels.values()), default=0))
     return Heard({name: s for name, s in longest.channels.items() if np.isfinite(s.values).any()})
+
+
+def require_clocks(told: Heard, log: RawLog) -> None:
+    """LogError where what was heard of a log has a clock that tells no rate: it runs back, stands still, or counts in
+    another unit than is known.
+    """
+    for found in errors(check_clocks(told.series, log.path.name, None)):
+        raise LogError(
+            f"{found.where}: {found.message}",
+            expected="a clock that runs on",
+            do="mend the log, or draft without --log: `dynreg doctor LOG --robot FOLDER --draft-map MAP` then writes "
+            "a map",
+        )
+    column = log.metadata.get("time_column")
+    if column is None or log.metadata["time_unit"] != "s":
+        return
+    for series in told.series.values():
+        unit = likely_unit(series.time)
+        if unit is not None:
+            raise LogError(
+                f"{log.path.name}: {slow_clock(series.time, unit)}",
+                expected=f"seconds in column {column!r}, or a name that tells the unit",
+                do=f"call the column time_{unit}",
+            )
 
 
 def sensed(series: Series, unit: str) -> Sensed | None:
