@@ -8,13 +8,12 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from dynreg.data.drafting import Draft, draft_map
+from dynreg.data.drafting import draft_map
 from dynreg.data.names import joint_of, parts_of
-from dynreg.data.schema import RecordingSpec
 from dynreg.data.series import RawLog
 from dynreg.draft.actuators import put_drives
 from dynreg.draft.base import with_base
-from dynreg.draft.commanded import commanded, say_no_command
+from dynreg.draft.commanded import as_told, commanded, map_of, say_no_command
 from dynreg.draft.contacts import without_self_contacts
 from dynreg.draft.doubted import Doubted
 from dynreg.draft.driven import check_gains, drives_of, say_unlimited
@@ -102,7 +101,7 @@ def draft_robot(
 
 
 def _drives(opened: Opened, options: DraftOptions, log: RawLog | None, notes: Notes) -> tuple[Drive, ...]:
-    """The drives of the model, of another kind where the log's commands are of another.
+    """The drives of the model, of another kind or scale where the log's commands are of another.
 
     Raises UsageError for a gain that no drive has.
     """
@@ -117,7 +116,7 @@ def _drives(opened: Opened, options: DraftOptions, log: RawLog | None, notes: No
     check_gains(drives, options, quiet)
     for line in quiet.lines:
         notes.add(line)
-    return drives
+    return drives if log is None else as_told(opened.compiled(), drives, log, notes)
 
 
 def _heard(
@@ -131,7 +130,7 @@ def _heard(
         return None
     channels = [(name, unit) for name, unit, _ in channel_names(model, base, logged=True)]
     actions = [(d.action, action_unit(model, d)) for d in drives]
-    told, said = heard(_map(log, spec_of(model, channels, actions), drives)), dict(actions)
+    told, said = heard(map_of(log, spec_of(model, channels, actions), drives)), dict(actions)
     efforts = [(f"{d.joint}/{EFFORT}", effort_unit(model, d)) for d in drives]
     beside = spec_of(model, [(name, unit) for name, unit in efforts if name not in said], ())
     measured = heard(draft_map(log, beside)).series
@@ -143,18 +142,6 @@ def _heard(
         joints = f"{len(measured)} {'joint' if len(measured) == 1 else 'joints'}"
         notes.add(f"the log measures the torque of {joints}: used to tell gains and limits, not as evidence")
     return every
-
-
-def _map(log: RawLog, spec: RecordingSpec, drives: Sequence[Drive]) -> Draft:
-    """The map of a log whose commands are the controls of the model's actuators, whatever their numbers look like."""
-    drafted = draft_map(log, spec)
-    units = {channel.name: channel.unit for channel in spec.channels}
-    for drive in drives:
-        if drive.scale != 1.0 or drive.offset != 0.0:
-            keys = {"scale": drive.scale, "offset": drive.offset} if drive.offset else {"scale": drive.scale}
-            note = "scale: the log holds the control of the model's actuator"
-            drafted = drafted.changed(drive.action, note, unit=units[drive.action], **keys)
-    return drafted
 
 
 def _tables(
@@ -271,7 +258,7 @@ def _elsewhere(model: mujoco.MjModel, name: str, base: int, pose: np.ndarray, to
 
 def _with_map(made: Drafted, drives: Sequence[Drive], log: RawLog) -> Drafted:
     """The draft with the map of its log."""
-    drafted = _map(log, within_stops(made.robot.model, made.robot.recording_spec), drives)
+    drafted = map_of(log, within_stops(made.robot.model, made.robot.recording_spec), drives)
     return replace(made, files=made.files | {MAP: drafted.text.encode()}, map=MAP, missing=drafted.missing)
 
 

@@ -25,7 +25,8 @@ class Drive:
     kind : "position", "velocity", "torque" or "dcmotor". gain : of position and torque. rate_gain : of position and
     velocity. kt, resistance : of a dcmotor. limit : None where there is none. low, high : of the command; None where
     nothing limits it: a joint's stops do not. usual : whether these are a guess at what is usual, no limits. lag : time
-    constant [s] of the actuator's own filter. scale, offset : the command is scale * (the actuator's control) + offset.
+    constant [s] of the actuator's own filter. scale, offset : the command is scale * (what a log holds) + offset; those
+    of the actuator's control where nothing tells otherwise.
     said : where the numbers come from. guessed : whether its gains are guesses. measured : the gains that a log's
     torques follow, and "torque_limit" where they stop at it.
     """

@@ -67,16 +67,25 @@ class Heard:
 
     def follows(self, command: str, position: str) -> bool:
         """Whether a command is where the position goes."""
-        if command not in self.series or position not in self.series:
+        at, went = self._together(command, position)
+        if len(at) < BLOCK or np.std(at) == 0 or np.std(went) == 0:
             return False
-        told, went = self.series[command], self.series[position]
+        close = np.sqrt(np.mean((at - went) ** 2)) < 2.0 * np.std(went)
+        return bool(close and np.corrcoef(at, went)[0, 1] > FOLLOWS)
+
+    def missed(self, command: str, measured: str) -> float | None:
+        """By how much a joint misses its command [rms, in its unit]; None where the log does not tell both."""
+        at, went = self._together(command, measured)
+        return float(np.sqrt(np.mean((at - went) ** 2))) if len(at) >= BLOCK else None
+
+    def _together(self, command: str, measured: str) -> tuple[np.ndarray, np.ndarray]:
+        """(N,) values of both at the stamps of the second at which both are known; none where the log lacks one."""
+        if command not in self.series or measured not in self.series:
+            return np.zeros(0), np.zeros(0)
+        told, went = self.series[command], self.series[measured]
         at = np.interp(went.time, told.time, told.values)
         known = np.isfinite(at) & np.isfinite(went.values)
-        at, went_to = at[known], went.values[known]
-        if len(at) < BLOCK or np.std(at) == 0 or np.std(went_to) == 0:
-            return False
-        close = np.sqrt(np.mean((at - went_to) ** 2)) < 2.0 * np.std(went_to)
-        return bool(close and np.corrcoef(at, went_to)[0, 1] > FOLLOWS)
+        return at[known], went.values[known]
 
 
 def _often(signals: Sequence[Series]) -> float | None:

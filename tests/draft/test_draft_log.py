@@ -108,6 +108,24 @@ def test_the_control_of_a_general_actuator_is_scaled_in_the_map(tmp_path):
     assert np.abs(told).max() == pytest.approx(0.4, rel=0.01)
 
 
+@pytest.mark.parametrize(("unit", "factor"), [("rad", 1.0), ("deg", 180 / np.pi)])
+def test_targets_of_a_joint_are_not_scaled_by_its_gear(tmp_path, unit: str, factor: float):
+    """The other joint, whose actuator the log commands, keeps its scale."""
+    text = strangers.ARM.format(actuators=strangers.GEARED)
+    (tmp_path / "arm.xml").write_text(text)
+    names = {"pos_shoulder": "q0", "pos_elbow": "q1", "cmd_shoulder": "u0", "cmd_elbow": "u1"}
+    log = logged(tmp_path, text, names, lambda t: (4.0 * np.sin(2 * t), 3.0 * np.sin(3 * t)))
+    rows = pd.read_csv(log)
+    rows["cmd_shoulder"] *= 0.1
+    rows[["pos_shoulder", "cmd_shoulder"]] *= factor
+    rows.to_csv(log, index=False)
+    made = strangers.draft(tmp_path / "arm.xml", "arm", log=read_log(log))
+    told = parse_map(made.files[made.map].decode())
+    target = told.channels["shoulder/target"]
+    assert (target.scale, target.unit) == (1.0, unit) and told.channels["elbow/target"].scale == 0.1
+    assert any("follow the log's commands as they are" in n and "(shoulder: 0.1)" in n for n in made.notes)
+
+
 @pytest.mark.parametrize("rate", [0.1, 0.4, 0.5, 1.0, 50.0, 500.0])
 def test_the_rate_of_a_log_is_heard_however_slow_it_is(rate):
     assert Heard({"x/position": Series(np.arange(20) / rate, np.arange(20.0))}).rate([]) == pytest.approx(
