@@ -8,7 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from dynreg.data.drafting import draft_map
+from dynreg.data.drafting import Draft, draft_map
 from dynreg.data.names import joint_of, parts_of
 from dynreg.data.series import RawLog
 from dynreg.draft.actuators import put_drives
@@ -130,7 +130,9 @@ def _heard(
         return None
     channels = [(name, unit) for name, unit, _ in channel_names(model, base, logged=True)]
     actions = [(d.action, action_unit(model, d)) for d in drives]
-    told, said = heard(map_of(log, spec_of(model, channels, actions), drives)), dict(actions)
+    drafted = map_of(log, spec_of(model, channels, actions), drives)
+    _say_ambiguous(drafted, notes)
+    told, said = heard(drafted), dict(actions)
     efforts = [(f"{d.joint}/{EFFORT}", effort_unit(model, d)) for d in drives]
     beside = spec_of(model, [(name, unit) for name, unit in efforts if name not in said], ())
     measured = heard(draft_map(log, beside)).series
@@ -142,6 +144,17 @@ def _heard(
         joints = f"{len(measured)} {'joint' if len(measured) == 1 else 'joints'}"
         notes.add(f"the log measures the torque of {joints}: used to tell gains and limits, not as evidence")
     return every
+
+
+def _say_ambiguous(drafted: Draft, notes: Notes) -> None:
+    """A line about channels and commands for which the log holds several signals, as where two robots are in it."""
+    doubted = [name for name, source in drafted.sources.items() if source.ambiguous]
+    if doubted:
+        taken = " ".join(str(drafted.sources[doubted[0]].keys["source"]).split())
+        notes.add(
+            f"several signals of the log fit {listed(doubted)}: {taken} is taken for {doubted[0]}. The map lists the "
+            "others as ambiguous"
+        )
 
 
 def _tables(

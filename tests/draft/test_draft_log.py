@@ -108,6 +108,22 @@ def test_the_control_of_a_general_actuator_is_scaled_in_the_map(tmp_path):
     assert np.abs(told).max() == pytest.approx(0.4, rel=0.01)
 
 
+@pytest.mark.parametrize("robots", [1, 2])
+def test_a_second_robot_in_the_log_is_told(tmp_path, robots: int):
+    """Their joints have the same names: whose the draft is of is the user's to say."""
+    (tmp_path / "arm.xml").write_text(strangers.ARM.format(actuators=strangers.POSITION))
+    time, sources, topics = np.arange(600) / 100.0, {}, []
+    for topic in (f"/robot{n}/{what}" for n in range(1, robots + 1) for what in ("joint_states", "commands")):
+        topics.append(topic)
+        for joint in ("shoulder", "elbow"):
+            sources[f"{topic}.position[{joint}]"] = Series(time, 0.3 * np.sin(2 * time))
+    log = RawLog(tmp_path / "run.mcap", sources, {"topics": topics})
+    made = strangers.draft(tmp_path / "arm.xml", "arm", log=log)
+    told = [note for note in made.notes if "several signals" in note]
+    assert len(told) == robots - 1
+    assert all("/robot1/joint_states.position[shoulder] is taken for shoulder/position" in t for t in told)
+
+
 @pytest.mark.parametrize(("unit", "factor"), [("rad", 1.0), ("deg", 180 / np.pi)])
 def test_targets_of_a_joint_are_not_scaled_by_its_gear(tmp_path, unit: str, factor: float):
     """The other joint, whose actuator the log commands, keeps its scale."""
