@@ -222,6 +222,16 @@ def test_what_is_not_understood_is_said(tmp_path):
     assert problems(made.robot) == []
 
 
+@pytest.mark.parametrize(("second", "begins"), [("", 0.5), ("name='bent' ", -0.4)])
+def test_episodes_begin_from_a_keyframe_without_a_name_where_none_has_one(second, begins, tmp_path):
+    keys = f'<keyframe><key qpos="0.5 -0.3"/><key {second}qpos="-0.4 0.1"/></keyframe></mujoco>'
+    made = drafted(tmp_path, MODELS["position"][0].replace("</mujoco>", keys))
+    robot = made.robot
+    assert robot.model.key_qpos[robot.keyframe, 0] == begins
+    assert any("no keyframe of the model has a name" in note for note in made.notes) is (not second)
+    assert problems(robot) == []
+
+
 def test_sites_that_are_named_for_a_tool_are_where_the_robot_may_carry(tmp_path):
     text = MODELS["position"][0].replace(
         '<geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.015"',
