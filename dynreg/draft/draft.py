@@ -16,7 +16,7 @@ from dynreg.draft.base import with_base
 from dynreg.draft.commanded import as_told, commanded, map_of, say_no_command
 from dynreg.draft.contacts import without_self_contacts
 from dynreg.draft.doubted import Doubted
-from dynreg.draft.driven import check_gains, drives_of, say_unlimited
+from dynreg.draft.driven import check_gains, drives_of, say_limits
 from dynreg.draft.drives import Drive, name_of
 from dynreg.draft.entry import Drafted, DraftOptions, Entry, Notes, listed
 from dynreg.draft.ground import add_ground, base_joint, ground_of, standing_height
@@ -85,7 +85,7 @@ def draft_robot(
     told = _heard(opened.compiled(), drives, base, log, notes)
     drives = with_measured_limits(with_measured_gains(drives, told, notes), told, options, notes)
     drives = without_passed_ranges(drives, told, notes)
-    say_unlimited(drives, notes)
+    say_limits(opened.compiled(), drives, notes)
     if any(d.guessed for d in drives):
         notes.add("gains are guessed from inertia and weight; --kp and --kd state them, with another --to")
     put_drives(opened, drives)

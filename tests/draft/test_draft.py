@@ -61,6 +61,19 @@ def test_a_position_actuator_becomes_a_position_drive(tmp_path):
     assert (other.gain, other.rate_gain) == (20.0, 0.5) and other.torque_limit > 20.0 * np.pi
 
 
+@pytest.mark.parametrize(
+    ("ends", "stated", "told"),
+    [("-5 2", {}, True), ("-5 2", {"torque_limit": 30.0}, False), ("-5 5", {}, False)],
+)
+def test_forces_that_differ_by_direction_are_told(ends, stated, told, tmp_path):
+    actuators = f"""<actuator><position joint="shoulder" kp="0.4" gear="10" forcerange="{ends}"/>
+      <position joint="elbow" kp="20" kv="0.5" forcerange="-3 3"/></actuator>"""
+    made = drafted(tmp_path, strangers.ARM.format(actuators=actuators), **stated)
+    assert drive(made, "shoulder").torque_limit == stated.get("torque_limit", 50.0)
+    notes = [note for note in made.notes if "by direction" in note]
+    assert len(notes) == told and all("(shoulder: -50 to 20)" in note for note in notes)
+
+
 def test_a_motor_has_its_gear_and_range(tmp_path):
     made = drafted(tmp_path, MODELS["motor"][0])
     assert made.robot.actions == ("shoulder/command", "elbow/torque")
