@@ -165,7 +165,7 @@ def _tables(
     key = keyframe_of(model)
     pose = pose_of(model, key)
     ground = ground_of(model, base, pose) if base >= 0 else None
-    _say_what_is_left(model, notes)
+    _say_what_is_left(model, base, notes)
     reset: dict[str, object] = {"keyframe": model.key(key).name} if key >= 0 else {}
     if base >= 0 and all(d.kind == "position" for d in drives):
         reset["settle"] = 0.3
@@ -313,13 +313,21 @@ def _excitation(base: int, drives: Sequence[Drive]) -> Entry:
     return Entry({"kinds": kinds, "amplitude": 0.1 if base >= 0 else 0.3})
 
 
-def _say_what_is_left(model: mujoco.MjModel, notes: Notes) -> None:
+def _say_what_is_left(model: mujoco.MjModel, base: int, notes: Notes) -> None:
     """Lines about parts of the model that channels and parameters do not cover."""
-    balls = [
-        model.joint(j).name for j in range(model.njnt) if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_BALL
-    ]
+    kinds = mujoco.mjtJoint
+    balls = [model.joint(j).name for j in range(model.njnt) if model.jnt_type[j] == kinds.mjJNT_BALL]
     if balls:
         notes.add(f"{len(balls)} ball joints ({', '.join(balls[:4])}) move, but have no channel and no drive")
+    free = [
+        model.body(model.jnt_bodyid[j]).name
+        for j in range(model.njnt)
+        if model.jnt_type[j] == kinds.mjJNT_FREE and j != base
+    ]
+    if free:
+        notes.add(
+            f"bodies that move freely and carry no drive are not the robot's base, and have no channel: {listed(free)}"
+        )
     if model.ntendon:
         notes.add(f"{model.ntendon} tendons act as in the model; no parameter changes them")
     if model.neq:

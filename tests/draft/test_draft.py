@@ -235,6 +235,21 @@ def test_what_is_not_understood_is_said(tmp_path):
     assert problems(made.robot) == []
 
 
+CUBE = """<body name="cube" pos="0.6 0 0.05"><freejoint name="cube"/>
+  <geom type="box" size="0.05 0.05 0.05" mass="0.1"/></body>"""
+
+
+@pytest.mark.parametrize(
+    ("model", "base"), [(strangers.CART, "base"), (strangers.ARM.format(actuators=strangers.POSITION), None)]
+)
+def test_an_object_that_lies_loose_is_said_to_be_no_base(model, base, tmp_path):
+    floor = "<geom type='plane' size='5 5 0.1'/>"
+    made = drafted(tmp_path, model.replace("<worldbody>", f"<worldbody>{floor}{CUBE}", 1))
+    assert made.base == base and not any(name.startswith("cube/") for name in made.robot.channels)
+    assert any("not the robot's base" in note and note.endswith(": cube") for note in made.notes)
+    assert not any("not the robot's base" in note for note in drafted(tmp_path, model).notes)
+
+
 @pytest.mark.parametrize(("second", "begins"), [("", 0.5), ("name='bent' ", -0.4)])
 def test_episodes_begin_from_a_keyframe_without_a_name_where_none_has_one(second, begins, tmp_path):
     keys = f'<keyframe><key qpos="0.5 -0.3"/><key {second}qpos="-0.4 0.1"/></keyframe></mujoco>'
