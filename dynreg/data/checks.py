@@ -20,6 +20,7 @@ SLOW_STEP = 2.0  # [s] between rows: a clock in another unit
 LIKELY: Mapping[str, str] = {"ns": "nanoseconds", "us": "microseconds", "ms": "milliseconds"}
 TURNS = 20.0  # [rad] an angle beyond this without stated limits is worth a word
 BEYOND = 5.0  # times its limit: no scatter, another unit
+GLITCHES = 0.01  # share of a joint's positions that may be anything, as where a bus fails
 LIMIT_MARGIN = 0.01  # share of the range
 AGREEMENT = (0.7, 1.4)  # slope of a velocity channel on the derivative of its position
 MISTAKES: Mapping[str, float] = {
@@ -207,11 +208,10 @@ def check_range(
         return
     largest = float(np.abs(values).max())
     bounds = [abs(b) for b in (channel.low, channel.high) if b is not None and np.isfinite(b)]
-    if bounds and max(bounds) > 0 and largest > BEYOND * max(bounds):
+    reached, limit = (largest, max(bounds)) if bounds else _beyond_stops(values, channel.stops)
+    if limit > 0 and reached > BEYOND * limit:
         hint = "; degrees?" if channel.unit.startswith("rad") else ""
-        text = (
-            f"reaches {largest:.4g} {channel.unit}, {largest / max(bounds):.3g} x its limit{hint}; set `unit`"
-        )
+        text = f"reaches {reached:.4g} {channel.unit}, {reached / limit:.3g} x its limit{hint}; set `unit`"
         yield Finding("error", "units", where, text)
         return
     turned = float(np.abs(np.diff(values)).max(initial=0.0)) if followed else largest
@@ -236,6 +236,20 @@ def check_range(
         if len(jumps):
             text = f"jumps by a whole turn {len(jumps)} times; set unwrap = true in the map"
             yield Finding("warning", "wrap", f"{where}, row {int(jumps[0]) + 1}", text)
+
+
+def _beyond_stops(values: np.ndarray, stops: tuple[float, float] | None) -> tuple[float, float]:
+    """How far from 0 the positions (T,) of a joint go, `GLITCHES` aside, and how far its stops let it.
+
+    Both 0 where there are no stops, or the joint moves no further than from one to the other: its zero may then be
+    elsewhere than the model's.
+    """
+    if stops is None:
+        return 0.0, 0.0
+    low, high = np.quantile(values, (GLITCHES / 2, 1.0 - GLITCHES / 2))
+    if high - low <= stops[1] - stops[0]:
+        return 0.0, 0.0
+    return max(abs(low), abs(high)), max(map(abs, stops))
 
 
 def _stuck_channels(episode: RawEpisode, specs: Mapping[str, ChannelSpec], where: str) -> Iterator[Finding]:

@@ -20,7 +20,7 @@ from dynreg.draft.driven import check_gains, drives_of, say_limits
 from dynreg.draft.drives import Drive, name_of
 from dynreg.draft.entry import Drafted, DraftOptions, Entry, Notes, listed
 from dynreg.draft.ground import add_ground, base_joint, ground_of, standing_height
-from dynreg.draft.heard import Heard, heard, require_clocks, sensed, spec_of, within_stops
+from dynreg.draft.heard import Heard, heard, require_clocks, sensed, spec_of
 from dynreg.draft.measured import (
     EFFORT,
     with_measured_gains,
@@ -271,7 +271,10 @@ def _elsewhere(model: mujoco.MjModel, name: str, base: int, pose: np.ndarray, to
 
 def _with_map(made: Drafted, drives: Sequence[Drive], log: RawLog) -> Drafted:
     """The draft with the map of its log."""
-    drafted = map_of(log, within_stops(made.robot.model, made.robot.recording_spec), drives)
+    spec = made.robot.recording_spec
+    # ranges of commands do not say how far a joint turns, only stops do: units are then those that were heard
+    spec = replace(spec, channels=tuple(replace(c, low=None, high=None) for c in spec.channels))
+    drafted = map_of(log, spec, drives)
     return replace(made, files=made.files | {MAP: drafted.text.encode()}, map=MAP, missing=drafted.missing)
 
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -10,11 +10,11 @@ import numpy as np
 from dynreg.data.checks import check_clocks, errors, likely_unit, slow_clock
 from dynreg.data.drafting import Draft
 from dynreg.data.episodes import raw_episodes
-from dynreg.data.names import parts_of
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.series import RawLog, Series
 from dynreg.draft.tables import Sensed
 from dynreg.errors import LogError
+from dynreg.sim.stops import with_stops
 
 Named = tuple[str, str]  # a channel or an action, and its unit
 QUIET = 0.25  # share of a log in which a signal moves least: its noise is that of these moments
@@ -101,22 +101,7 @@ def spec_of(model: mujoco.MjModel, channels: Sequence[Named], actions: Sequence[
         (*named, kind) for kind, listed in (("state", channels), ("action", actions)) for named in listed
     ]
     specs = [ChannelSpec(name, unit, kind, optional=True) for name, unit, kind in every]
-    return within_stops(model, RecordingSpec("drafted", tuple(specs), (), None))
-
-
-def within_stops(model: mujoco.MjModel, spec: RecordingSpec) -> RecordingSpec:
-    """The spec in which angles of joints with stops have these as limits, and nothing else has any."""
-    stops = {
-        model.joint(j).name: model.jnt_range[j].tolist() for j in range(model.njnt) if model.jnt_limited[j]
-    }
-    return replace(spec, channels=tuple(_limited(c, stops) for c in spec.channels))
-
-
-def _limited(channel: ChannelSpec, stops: Mapping[str, list[float]]) -> ChannelSpec:
-    joint, quantity = parts_of(channel.name)
-    angle = channel.unit == "rad" and quantity in ("position", "target")
-    low, high = stops.get(joint, (None, None)) if angle else (None, None)
-    return replace(channel, low=low, high=high)
+    return with_stops(model, RecordingSpec("drafted", tuple(specs), (), None))
 
 
 def heard(draft: Draft) -> Heard:

@@ -84,9 +84,10 @@ def test_a_log_without_commands_is_said_to_have_none(dynreg, here: Path) -> None
     assert "the log measures the torque" not in said
 
 
-def _moving(times: list[str], clock: str) -> str:
+def _moving(times: list[str], clock: str, size: float = 1.0) -> str:
     """A log of the arm whose joint follows its command, with these stamps."""
-    rows = [f"{time},{math.sin(0.02 * k - 0.1):.6f},{math.sin(0.02 * k):.6f}" for k, time in enumerate(times)]
+    angles = [(size * math.sin(0.02 * k - 0.1), size * math.sin(0.02 * k)) for k in range(len(times))]
+    rows = [f"{time},{went:.6f},{told:.6f}" for time, (went, told) in zip(times, angles, strict=True)]
     return "\n".join([f"{clock},pos_turn,cmd_turn", *rows])
 
 
@@ -115,3 +116,17 @@ def test_the_name_that_the_error_proposes_makes_the_clock_known(dynreg, here: Pa
     (here / "run.csv").write_text(_moving([f"{10 * k}" for k in range(600)], "time_ms"))
     made = dynreg(*"robots init arm.xml --log run.csv".split())
     assert made.status == 0 and "at 100 Hz" in made.out, made
+
+
+def test_a_later_log_in_degrees_is_told_by_the_stops_of_the_model(dynreg, here: Path) -> None:
+    """The draft's own log is in rad; doctor drafts a map for the other one that says its unit."""
+    (here / "arm.xml").write_text(ARM.replace('name="turn"', 'name="turn" range="-80 80"'))
+    times = [f"{k / 100}" for k in range(600)]
+    (here / "run.csv").write_text(_moving(times, "time"))
+    dynreg(*"robots init arm.xml --log run.csv".split())
+    assert dynreg(*"ingest run.csv --robot arm".split()).status == 0
+    (here / "later.csv").write_text(_moving(times, "time", 180 / math.pi))
+    stored = dynreg(*"ingest later.csv --robot arm --map arm/maps/log.toml".split())
+    assert stored.status == 1 and "41 x its limit; degrees?" in " ".join(stored.err.split()), stored
+    drafted = dynreg(*"doctor later.csv --robot arm --draft-map -".split())
+    assert drafted.out.count('unit = "deg"') == 2, drafted

@@ -108,6 +108,19 @@ def test_the_control_of_a_general_actuator_is_scaled_in_the_map(tmp_path):
     assert np.abs(told).max() == pytest.approx(0.4, rel=0.01)
 
 
+def test_a_joint_without_stops_is_in_rad_however_far_it_turns(tmp_path):
+    """The range of its actuator's targets does not say how far it turns."""
+    text = strangers.ARM.replace(' range="-90 90"', "", 1).format(
+        actuators=strangers.POSITION.replace('joint="shoulder"', 'joint="shoulder" ctrlrange="-3 3"')
+    )
+    (tmp_path / "arm.xml").write_text(text)
+    time = np.arange(600) / 100.0
+    sources = {name: Series(time, 40.0 * np.sin(time)) for name in ("pos_shoulder", "cmd_shoulder")}
+    made = strangers.draft(tmp_path / "arm.xml", "arm", log=RawLog(tmp_path / "run.csv", sources))
+    told = parse_map(made.files[made.map].decode())
+    assert {told.channels[f"shoulder/{what}"].unit for what in ("position", "target")} == {"rad"}
+
+
 @pytest.mark.parametrize("robots", [1, 2])
 def test_a_second_robot_in_the_log_is_told(tmp_path, robots: int):
     """Their joints have the same names: whose the draft is of is the user's to say."""
