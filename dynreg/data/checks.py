@@ -18,8 +18,10 @@ STUCK_SHARE, STUCK_SECONDS = 0.2, 1.0
 IN_VAIN = 3.0  # times what moved the joint elsewhere: neither friction nor a load holds it then
 STUCK_WAY = 0.1  # way of the velocity, as a share of how far the position goes in all
 SLOW_STEP = 2.0  # [s] between rows: a clock in another unit
+LIKELY: Mapping[str, str] = {"ns": "nanoseconds", "us": "microseconds", "ms": "milliseconds"}
 TURNS = 20.0  # [rad] an angle beyond this without stated limits is worth a word
 BEYOND = 5.0  # times its limit: no scatter, another unit
+GLITCHES = 0.01  # share of a joint's positions that may be anything, as where a bus fails
 LIMIT_MARGIN = 0.01  # share of the range
 WRAPPED = 0.3  # [rad] what is left of a step by a whole turn
 AGREEMENT = (0.7, 1.4)  # slope of a velocity channel on the derivative of its position
@@ -118,9 +120,10 @@ def check_clock(time: np.ndarray, where: str) -> Iterator[Finding]:
             if stopped
             else f"{int(equal.sum())} stamps repeat the one before; the last row of each stands",
         )
-    moving = steps[steps > 0]
-    if len(moving) >= 10 and np.median(moving) > SLOW_STEP:
-        yield _slow(float(np.median(moving)), where)
+    moving, unit = steps[steps > 0], likely_unit(time)
+    if unit is not None:
+        text = f"{slow_clock(time, unit)}; set time_unit = {json.dumps(unit)} under [map]"
+        yield Finding("warning", "clock", where, text)
     elif len(moving) >= 10:
         median, late = np.median(moving), np.quantile(moving, 0.99)
         if late > JITTER * median:
@@ -128,19 +131,24 @@ def check_clock(time: np.ndarray, where: str) -> Iterator[Finding]:
             yield Finding("info", "jitter", where, text)
 
 
-def _slow(step: float, where: str) -> Finding:
-    """What is said of a clock whose rows lie so many seconds apart: the unit that makes it a usual rate."""
-    unit, name = (
-        ("ns", "nanoseconds")
-        if step > 2e5
-        else ("us", "microseconds")
-        if step > 200
-        else ("ms", "milliseconds")
-    )
-    text = (
-        f'the median step is {step:.4g} s: the clock looks like {name}; set time_unit = "{unit}" under [map]'
-    )
-    return Finding("warning", "clock", where, text)
+def likely_unit(time: np.ndarray) -> str | None:
+    """The unit ("ms", "us" or "ns") of stamps (T,) whose steps are too long to be seconds; None for others."""
+    step = _usual_step(time)
+    if step <= SLOW_STEP:
+        return None
+    return "ns" if step > 2e5 else "us" if step > 200 else "ms"
+
+
+def slow_clock(time: np.ndarray, unit: str) -> str:
+    """What is said of stamps (T,) that count in this `likely_unit`."""
+    return f"the median step is {_usual_step(time):.4g} s: the clock looks like {LIKELY[unit]}"
+
+
+def _usual_step(time: np.ndarray) -> float:
+    """The median step of a clock [s]; 0 for too few stamps."""
+    steps = np.diff(time)
+    moving = steps[steps > 0]
+    return float(np.median(moving)) if len(moving) >= 10 else 0.0
 
 
 def check_gaps(time: np.ndarray, where: str, gap: float) -> Iterator[Finding]:
@@ -210,11 +218,10 @@ def check_range(
         return
     largest = float(np.abs(values).max())
     bounds = [abs(b) for b in (channel.low, channel.high) if b is not None and np.isfinite(b)]
-    if bounds and max(bounds) > 0 and largest > BEYOND * max(bounds):
+    reached, limit = (largest, max(bounds)) if bounds else _beyond_stops(values, channel.stops)
+    if limit > 0 and reached > BEYOND * limit:
         hint = "; degrees?" if channel.unit.startswith("rad") else ""
-        text = (
-            f"reaches {largest:.4g} {channel.unit}, {largest / max(bounds):.3g} x its limit{hint}; set `unit`"
-        )
+        text = f"reaches {reached:.4g} {channel.unit}, {reached / limit:.3g} x its limit{hint}; set `unit`"
         yield Finding("error", "units", where, text)
         return
     turned = float(np.abs(np.diff(values)).max(initial=0.0)) if followed else largest
@@ -248,6 +255,20 @@ def _wraps(values: np.ndarray) -> np.ndarray:
     long = steps > np.pi
     usual = float(np.quantile(steps[~long], 0.99)) if not long.all() else 0.0
     return np.flatnonzero(long & (np.abs(steps - 2 * np.pi) < max(WRAPPED, 2 * usual)))
+
+
+def _beyond_stops(values: np.ndarray, stops: tuple[float, float] | None) -> tuple[float, float]:
+    """How far from 0 the positions (T,) of a joint go, `GLITCHES` aside, and how far its stops let it.
+
+    Both 0 where there are no stops, or the joint moves no further than from one to the other: its zero may then be
+    elsewhere than the model's.
+    """
+    if stops is None:
+        return 0.0, 0.0
+    low, high = np.quantile(values, (GLITCHES / 2, 1.0 - GLITCHES / 2))
+    if high - low <= stops[1] - stops[0]:
+        return 0.0, 0.0
+    return max(abs(low), abs(high)), max(map(abs, stops))
 
 
 def _stuck_channels(episode: RawEpisode, specs: Mapping[str, ChannelSpec], where: str) -> Iterator[Finding]:

@@ -8,7 +8,8 @@ class ChannelSpec:
     """A channel that a log is asked for.
 
     `kind` is "state", "action", "input" (a measured exogenous signal) or "enable" (1 where the drive is on).
-    `low`, `high` bound what the channel can be, in its unit; None where nothing is known.
+    `low`, `high` bound what the channel can be, in its unit; None where nothing is known. `stops` are those of its
+    joint, for a position: the log's zero may be elsewhere, so they tell of a wrong unit alone.
     `hold` tells how it is resampled: True keeps the last value (commands, flags), False interpolates.
     """
 
@@ -18,6 +19,7 @@ class ChannelSpec:
     optional: bool = False
     low: float | None = None
     high: float | None = None
+    stops: tuple[float, float] | None = None
 
     @property
     def hold(self) -> bool:

@@ -26,7 +26,7 @@ def draft_apart(
 
     root : the folder that holds all files which the model names; see `source.read_source`.
     Raises RobotError where the model cannot be read, names a file elsewhere, ends MuJoCo, or has nothing to drive;
-    NotTried past the limits `check_seconds` and `robot_memory`.
+    LogError for a log whose clock tells no rate; NotTried past the limits `check_seconds` and `robot_memory`.
     """
     notes = Notes()
     source = read_source(path, root, notes)

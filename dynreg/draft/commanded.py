@@ -1,18 +1,24 @@
-"""What the commands of a log are: positions to go to, or torques, or none that are recognised."""
+"""What the commands of a log are: positions to go to, or torques, or none that are recognised; and in which scale."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 
 from dynreg.data.drafting import Draft, draft_map
 from dynreg.data.names import joint_of
+from dynreg.data.schema import RecordingSpec
 from dynreg.data.series import RawLog
 from dynreg.draft.drives import Drive, is_hinge
 from dynreg.draft.entry import DriveKind, Notes, listed
 from dynreg.draft.heard import Heard, Named, heard, spec_of
+from dynreg.draft.tables import action_unit
 
 HALF = 0.5  # share of the joints for which a log must tell the same
+CLEARLY = (
+    0.5  # of the error of scaled commands, below which that of plain ones tells that they are not scaled
+)
 BEYOND = 0.1  # of the range between a joint's stops, by which targets may lie beyond them
 
 
@@ -42,6 +48,50 @@ def commanded(model: mujoco.MjModel, drives: Sequence[Drive], log: RawLog) -> Dr
         forces = heard(draft_map(log, spec_of(model, positions, torques)))
         return "torque" if sum(name in forces.series for name, _ in torques) > HALF * len(joints) else None
     return None
+
+
+def as_told(model: mujoco.MjModel, drives: Sequence[Drive], log: RawLog, notes: Notes) -> tuple[Drive, ...]:
+    """The drives, with a scale of 1 where the joint follows the log's commands as they are.
+
+    A log may hold what the joint is told, though the model's actuator takes other numbers, as one with a gear does.
+    """
+    scaled = [d for d in drives if d.scale != 1.0 or d.offset != 0.0]
+    if not scaled:
+        return tuple(drives)
+    measured = [(f"{d.joint}/{what}", unit) for d in drives for what, unit in _motion(model, d).items()]
+    spec = spec_of(model, measured, [(d.action, action_unit(model, d)) for d in drives])
+    plain, control = heard(draft_map(log, spec)), heard(map_of(log, spec, drives))
+    kept = set()
+    for drive in scaled:
+        names = drive.action, f"{drive.joint}/{drive.kind}"
+        errors = plain.missed(*names), control.missed(*names)
+        if None not in errors and errors[0] < CLEARLY * errors[1]:
+            kept.add(drive.joint)
+    if kept:
+        cases = listed([f"{d.joint}: {d.scale:g}" for d in scaled if d.joint in kept])
+        notes.add(
+            "joints follow the log's commands as they are, not scaled as controls of the model's actuators would be "
+            f"({cases}): the map does not scale them"
+        )
+    return tuple(replace(d, scale=1.0, offset=0.0) if d.joint in kept else d for d in drives)
+
+
+def _motion(model: mujoco.MjModel, drive: Drive) -> dict[str, str]:
+    """{quantity: unit} of what a drive moves."""
+    way = "rad" if is_hinge(model, model.joint(drive.joint).id) else "m"
+    return {"position": way, "velocity": f"{way}/s"}
+
+
+def map_of(log: RawLog, spec: RecordingSpec, drives: Sequence[Drive]) -> Draft:
+    """The map of a log whose commands are the controls of the model's actuators, whatever their numbers look like."""
+    drafted = draft_map(log, spec)
+    units = {channel.name: channel.unit for channel in spec.channels}
+    for drive in drives:
+        if drive.scale != 1.0 or drive.offset != 0.0:
+            keys = {"scale": drive.scale, "offset": drive.offset} if drive.offset else {"scale": drive.scale}
+            note = "scale: the log holds the control of the model's actuator"
+            drafted = drafted.changed(drive.action, note, unit=units[drive.action], **keys)
+    return drafted
 
 
 def say_no_command(

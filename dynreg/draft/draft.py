@@ -10,18 +10,17 @@ import numpy as np
 
 from dynreg.data.drafting import Draft, draft_map
 from dynreg.data.names import joint_of, parts_of
-from dynreg.data.schema import RecordingSpec
 from dynreg.data.series import RawLog
 from dynreg.draft.actuators import put_drives
 from dynreg.draft.base import with_base
-from dynreg.draft.commanded import commanded, say_no_command
+from dynreg.draft.commanded import as_told, commanded, map_of, say_no_command
 from dynreg.draft.contacts import without_self_contacts
 from dynreg.draft.doubted import Doubted
-from dynreg.draft.driven import check_gains, drives_of, say_unlimited
+from dynreg.draft.driven import check_gains, drives_of, say_limits
 from dynreg.draft.drives import Drive, name_of
 from dynreg.draft.entry import Drafted, DraftOptions, Entry, Notes, listed
 from dynreg.draft.ground import add_ground, ground_of, standing_height
-from dynreg.draft.heard import Heard, heard, sensed, spec_of, within_stops
+from dynreg.draft.heard import Heard, heard, require_clocks, sensed, spec_of
 from dynreg.draft.measured import (
     EFFORT,
     with_measured_gains,
@@ -71,7 +70,8 @@ def draft_robot(
 ) -> Drafted:
     """A robot folder from a model, and what a log of the robot tells, in this process: see `apart.draft_apart`.
 
-    Raises RobotError where the model cannot be read, or nothing in it can be driven.
+    Raises RobotError where the model cannot be read, or nothing in it can be driven; LogError for a log whose clock
+    tells no rate.
     """
     options = with_base(source, options, log, notes)
     opened = open_model(source, options, notes)
@@ -86,7 +86,7 @@ def draft_robot(
     told = _heard(opened.compiled(), drives, base, log, notes)
     drives = with_measured_limits(with_measured_gains(drives, told, notes), told, options, notes)
     drives = without_passed_ranges(drives, told, notes)
-    say_unlimited(drives, notes)
+    say_limits(opened.compiled(), drives, notes)
     if any(d.guessed for d in drives):
         notes.add("gains are guessed from inertia and weight; --kp and --kd state them, with another --to")
     put_drives(opened, drives)
@@ -102,7 +102,7 @@ def draft_robot(
 
 
 def _drives(opened: Opened, options: DraftOptions, log: RawLog | None, notes: Notes) -> tuple[Drive, ...]:
-    """The drives of the model, of another kind where the log's commands are of another.
+    """The drives of the model, of another kind or scale where the log's commands are of another.
 
     Raises UsageError for a gain that no drive has.
     """
@@ -117,39 +117,45 @@ def _drives(opened: Opened, options: DraftOptions, log: RawLog | None, notes: No
     check_gains(drives, options, quiet)
     for line in quiet.lines:
         notes.add(line)
-    return drives
+    return drives if log is None else as_told(opened.compiled(), drives, log, notes)
 
 
 def _heard(
     model: mujoco.MjModel, drives: Sequence[Drive], base: int, log: RawLog | None, notes: Notes
 ) -> Heard | None:
-    """What the log tells of the robot's channels and commands, and of torques that it measures besides."""
+    """What the log tells of the robot's channels and commands, and of torques that it measures besides.
+
+    Raises LogError for a clock that tells no rate.
+    """
     if log is None:
         return None
     channels = [(name, unit) for name, unit, _ in channel_names(model, base, logged=True)]
     actions = [(d.action, action_unit(model, d)) for d in drives]
-    told, said = heard(_map(log, spec_of(model, channels, actions), drives)), dict(actions)
+    drafted = map_of(log, spec_of(model, channels, actions), drives)
+    _say_ambiguous(drafted, notes)
+    told, said = heard(drafted), dict(actions)
     efforts = [(f"{d.joint}/{EFFORT}", effort_unit(model, d)) for d in drives]
     beside = spec_of(model, [(name, unit) for name, unit in efforts if name not in said], ())
     measured = heard(draft_map(log, beside)).series
+    every = Heard({**told.series, **measured})
+    require_clocks(every, log)
     if not said.keys() & told.series.keys():
         say_no_command(log, actions, [*measured], notes)
     elif measured:
         joints = f"{len(measured)} {'joint' if len(measured) == 1 else 'joints'}"
         notes.add(f"the log measures the torque of {joints}: used to tell gains and limits, not as evidence")
-    return Heard({**told.series, **measured})
+    return every
 
 
-def _map(log: RawLog, spec: RecordingSpec, drives: Sequence[Drive]) -> Draft:
-    """The map of a log whose commands are the controls of the model's actuators, whatever their numbers look like."""
-    drafted = draft_map(log, spec)
-    units = {channel.name: channel.unit for channel in spec.channels}
-    for drive in drives:
-        if drive.scale != 1.0 or drive.offset != 0.0:
-            keys = {"scale": drive.scale, "offset": drive.offset} if drive.offset else {"scale": drive.scale}
-            note = "scale: the log holds the control of the model's actuator"
-            drafted = drafted.changed(drive.action, note, unit=units[drive.action], **keys)
-    return drafted
+def _say_ambiguous(drafted: Draft, notes: Notes) -> None:
+    """A line about channels and commands for which the log holds several signals, as where two robots are in it."""
+    doubted = [name for name, source in drafted.sources.items() if source.ambiguous]
+    if doubted:
+        taken = " ".join(str(drafted.sources[doubted[0]].keys["source"]).split())
+        notes.add(
+            f"several signals of the log fit {listed(doubted)}: {taken} is taken for {doubted[0]}. The map lists the "
+            "others as ambiguous"
+        )
 
 
 def _tables(
@@ -160,7 +166,7 @@ def _tables(
     key = keyframe_of(model)
     pose = pose_of(model, key)
     ground = ground_of(model, base, pose) if base >= 0 else None
-    _say_what_is_left(model, notes)
+    _say_what_is_left(model, base, notes)
     reset: dict[str, object] = {"keyframe": model.key(key).name} if key >= 0 else {}
     if base >= 0 and all(d.kind == "position" for d in drives):
         reset["settle"] = 0.3
@@ -266,7 +272,10 @@ def _elsewhere(model: mujoco.MjModel, name: str, base: int, pose: np.ndarray, to
 
 def _with_map(made: Drafted, drives: Sequence[Drive], log: RawLog) -> Drafted:
     """The draft with the map of its log."""
-    drafted = _map(log, within_stops(made.robot.model, made.robot.recording_spec), drives)
+    spec = made.robot.recording_spec
+    # ranges of commands do not say how far a joint turns, only stops do: units are then those that were heard
+    spec = replace(spec, channels=tuple(replace(c, low=None, high=None) for c in spec.channels))
+    drafted = map_of(log, spec, drives)
     return replace(made, files=made.files | {MAP: drafted.text.encode()}, map=MAP, missing=drafted.missing)
 
 
@@ -308,13 +317,21 @@ def _excitation(base: int, drives: Sequence[Drive]) -> Entry:
     return Entry({"kinds": kinds, "amplitude": 0.1 if base >= 0 else 0.3})
 
 
-def _say_what_is_left(model: mujoco.MjModel, notes: Notes) -> None:
+def _say_what_is_left(model: mujoco.MjModel, base: int, notes: Notes) -> None:
     """Lines about parts of the model that channels and parameters do not cover."""
-    balls = [
-        model.joint(j).name for j in range(model.njnt) if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_BALL
-    ]
+    kinds = mujoco.mjtJoint
+    balls = [model.joint(j).name for j in range(model.njnt) if model.jnt_type[j] == kinds.mjJNT_BALL]
     if balls:
         notes.add(f"{len(balls)} ball joints ({', '.join(balls[:4])}) move, but have no channel and no drive")
+    free = [
+        model.body(model.jnt_bodyid[j]).name
+        for j in range(model.njnt)
+        if model.jnt_type[j] == kinds.mjJNT_FREE and j != base
+    ]
+    if free:
+        notes.add(
+            f"bodies that move freely and carry no drive are not the robot's base, and have no channel: {listed(free)}"
+        )
     if model.ntendon:
         notes.add(f"{model.ntendon} tendons act as in the model; no parameter changes them")
     if model.neq:

@@ -9,6 +9,7 @@ from dynreg.draft.drives import (
     QUICK,
     Drive,
     effective_inertia,
+    force_range,
     is_hinge,
     joint_limit,
     name_of,
@@ -70,8 +71,20 @@ def drives_of(opened: Opened, options: DraftOptions, notes: Notes) -> tuple[Driv
     return tuple(found.values())
 
 
-def say_unlimited(drives: tuple[Drive, ...], notes: Notes) -> None:
-    """A note about servos of which nothing tells the largest torque."""
+def say_limits(model: mujoco.MjModel, drives: tuple[Drive, ...], notes: Notes) -> None:
+    """Notes about drives that the model limits more one way than the other, and servos that nothing limits.
+
+    model : with its own actuators.
+    """
+    uneven = []
+    for drive in drives:
+        low, high = force_range(model, model.joint(drive.joint).id)
+        if drive.limit is not None and -low != high and np.isclose(drive.limit, max(-low, high)):
+            uneven.append(f"{drive.joint}: {low:g} to {high:g}")
+    if uneven:
+        notes.add(
+            f"the model limits forces by direction ({listed(uneven)}): a drive has one limit, and gets the larger one"
+        )
     unlimited = [d.joint for d in drives if d.limit is None and d.kind in ("position", "velocity")]
     if unlimited:
         notes.add(f"the torque limit of {listed(unlimited)} is not known: state it with --torque-limit")

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 
 from dynreg.sim.excitation import FREE
+from dynreg.sim.held import JOINT
 
 SAME = 1e-6  # of a gain of 1, with which a motor's command is its torque
 QUICK = 30.0  # rad/s^2 or m/s^2 that a guessed drive can give its joint, besides holding it
@@ -25,7 +26,8 @@ class Drive:
     kind : "position", "velocity", "torque" or "dcmotor". gain : of position and torque. rate_gain : of position and
     velocity. kt, resistance : of a dcmotor. limit : None where there is none. low, high : of the command; None where
     nothing limits it: a joint's stops do not. usual : whether these are a guess at what is usual, no limits. lag : time
-    constant [s] of the actuator's own filter. scale, offset : the command is scale * (the actuator's control) + offset.
+    constant [s] of the actuator's own filter. scale, offset : the command is scale * (what a log holds) + offset; those
+    of the actuator's control where nothing tells otherwise.
     said : where the numbers come from. guessed : whether its gains are guesses. measured : the gains that a log's
     torques follow, and "torque_limit" where they stop at it.
     """
@@ -123,6 +125,19 @@ def joint_limit(model: mujoco.MjModel, joint: int) -> list[float]:
         return []
     most = float(np.abs(model.jnt_actfrcrange[joint]).max())
     return [most] if most > 0 else []
+
+
+def force_range(model: mujoco.MjModel, joint: int) -> tuple[float, float]:
+    """Between which forces [N*m or N] the model keeps the actuators of a joint; infinite where it does not."""
+    mine = (model.actuator_trnid[:, 0] == joint) & np.isin(model.actuator_trntype, JOINT)
+    limited = np.flatnonzero(mine & (model.actuator_forcelimited > 0))
+    ends = [np.sort(model.actuator_gear[a, 0] * model.actuator_forcerange[a]) for a in limited]
+    if joint_limit(model, joint):
+        ends.append(model.jnt_actfrcrange[joint])
+    return (
+        float(max((low for low, _ in ends), default=-np.inf)),
+        float(min((high for _, high in ends), default=np.inf)),
+    )
 
 
 def _control_range(model: mujoco.MjModel, a: int) -> tuple[float | None, float | None]:

@@ -2,17 +2,19 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
+from dynreg.data.checks import check_clocks, errors, likely_unit, slow_clock
 from dynreg.data.drafting import Draft
 from dynreg.data.episodes import raw_episodes
-from dynreg.data.names import parts_of
 from dynreg.data.schema import ChannelSpec, RecordingSpec
-from dynreg.data.series import Series
+from dynreg.data.series import RawLog, Series
 from dynreg.draft.tables import Sensed
+from dynreg.errors import LogError
+from dynreg.sim.stops import with_stops
 
 Named = tuple[str, str]  # a channel or an action, and its unit
 QUIET = 0.25  # share of a log in which a signal moves least: its noise is that of these moments
@@ -28,6 +30,7 @@ STILL = 2.0  # times its noise that a signal varies, 1 sigma, below which its mo
 WHOLE = 0.02  # share of a quantum by which steps may miss a whole number of it
 FOLLOWS = 0.8  # correlation from which a command is one for the position
 FASTEST = 500.0  # Hz: a faster log is thinned by whole numbers
+RARE = 5.0  # Hz: commands that come less often are held, and the robot's rate is that of its measurements
 
 
 @dataclass(frozen=True)
@@ -47,30 +50,49 @@ class Heard:
         return float(np.nanmax(np.abs(self.series[name].values), initial=0.0)) if name in self.series else 0.0
 
     def rate(self, actions: Sequence[str]) -> float | None:
-        """How often commands come [Hz], else the signals: by their stamps, at most `FASTEST`."""
-        told = [self.series[a] for a in actions if a in self.series] or list(self.series.values())
-        steps = [np.median(np.diff(s.time)) for s in told if len(s) > 2]
-        steps = [step for step in steps if step > 0]
-        if not steps:
+        """How often commands come [Hz], by their stamps, at most `FASTEST`; None where no stamps tell.
+
+        How often measurements come, where these are more frequent than commands that are `RARE` or missing.
+        """
+        told = _often([s for name, s in self.series.items() if name in actions])
+        if told is None or told < RARE:
+            measured = _often([s for name, s in self.series.items() if name not in actions])
+            told = max((rate for rate in (told, measured) if rate is not None), default=None)
+        if told is None:
             return None
-        rate = 1.0 / float(np.median(steps))
-        rate /= max(1.0, np.ceil(rate / FASTEST - 1e-3))
+        rate = told / max(1.0, np.ceil(told / FASTEST - 1e-3))
         return (
             float(round(rate)) if abs(rate - round(rate)) < 0.01 * rate and rate > 2 else float(f"{rate:.4g}")
         )
 
     def follows(self, command: str, position: str) -> bool:
         """Whether a command is where the position goes."""
-        if command not in self.series or position not in self.series:
+        at, went = self._together(command, position)
+        if len(at) < BLOCK or np.std(at) == 0 or np.std(went) == 0:
             return False
-        told, went = self.series[command], self.series[position]
+        close = np.sqrt(np.mean((at - went) ** 2)) < 2.0 * np.std(went)
+        return bool(close and np.corrcoef(at, went)[0, 1] > FOLLOWS)
+
+    def missed(self, command: str, measured: str) -> float | None:
+        """By how much a joint misses its command [rms, in its unit]; None where the log does not tell both."""
+        at, went = self._together(command, measured)
+        return float(np.sqrt(np.mean((at - went) ** 2))) if len(at) >= BLOCK else None
+
+    def _together(self, command: str, measured: str) -> tuple[np.ndarray, np.ndarray]:
+        """(N,) values of both at the stamps of the second at which both are known; none where the log lacks one."""
+        if command not in self.series or measured not in self.series:
+            return np.zeros(0), np.zeros(0)
+        told, went = self.series[command], self.series[measured]
         at = np.interp(went.time, told.time, told.values)
         known = np.isfinite(at) & np.isfinite(went.values)
-        at, went_to = at[known], went.values[known]
-        if len(at) < BLOCK or np.std(at) == 0 or np.std(went_to) == 0:
-            return False
-        close = np.sqrt(np.mean((at - went_to) ** 2)) < 2.0 * np.std(went_to)
-        return bool(close and np.corrcoef(at, went_to)[0, 1] > FOLLOWS)
+        return at[known], went.values[known]
+
+
+def _often(signals: Sequence[Series]) -> float | None:
+    """How often signals come [Hz], by their stamps; None where these tell nothing."""
+    steps = [np.median(np.diff(s.time)) for s in signals if len(s) > 2]
+    steps = [step for step in steps if step > 0]
+    return 1.0 / float(np.median(steps)) if steps else None
 
 
 def spec_of(model: mujoco.MjModel, channels: Sequence[Named], actions: Sequence[Named]) -> RecordingSpec:
@@ -79,22 +101,7 @@ def spec_of(model: mujoco.MjModel, channels: Sequence[Named], actions: Sequence[
         (*named, kind) for kind, listed in (("state", channels), ("action", actions)) for named in listed
     ]
     specs = [ChannelSpec(name, unit, kind, optional=True) for name, unit, kind in every]
-    return within_stops(model, RecordingSpec("drafted", tuple(specs), (), None))
-
-
-def within_stops(model: mujoco.MjModel, spec: RecordingSpec) -> RecordingSpec:
-    """The spec in which angles of joints with stops have these as limits, and nothing else has any."""
-    stops = {
-        model.joint(j).name: model.jnt_range[j].tolist() for j in range(model.njnt) if model.jnt_limited[j]
-    }
-    return replace(spec, channels=tuple(_limited(c, stops) for c in spec.channels))
-
-
-def _limited(channel: ChannelSpec, stops: Mapping[str, list[float]]) -> ChannelSpec:
-    joint, quantity = parts_of(channel.name)
-    angle = channel.unit == "rad" and quantity in ("position", "target")
-    low, high = stops.get(joint, (None, None)) if angle else (None, None)
-    return replace(channel, low=low, high=high)
+    return with_stops(model, RecordingSpec("drafted", tuple(specs), (), None))
 
 
 def heard(draft: Draft) -> Heard:
@@ -104,6 +111,30 @@ def heard(draft: Draft) -> Heard:
     episodes = raw_episodes(draft.log, draft.log_map, draft.spec)
     longest = max(episodes, key=lambda e: max((len(s) for s in e.channels.values()), default=0))
     return Heard({name: s for name, s in longest.channels.items() if np.isfinite(s.values).any()})
+
+
+def require_clocks(told: Heard, log: RawLog) -> None:
+    """LogError where what was heard of a log has a clock that tells no rate: it runs back, stands still, or counts in
+    another unit than is known.
+    """
+    for found in errors(check_clocks(told.series, log.path.name, None)):
+        raise LogError(
+            f"{found.where}: {found.message}",
+            expected="a clock that runs on",
+            do="mend the log, or draft without --log: `dynreg doctor LOG --robot FOLDER --draft-map MAP` then writes "
+            "a map",
+        )
+    column = log.metadata.get("time_column")
+    if column is None or log.metadata["time_unit"] != "s":
+        return
+    for series in told.series.values():
+        unit = likely_unit(series.time)
+        if unit is not None:
+            raise LogError(
+                f"{log.path.name}: {slow_clock(series.time, unit)}",
+                expected=f"seconds in column {column!r}, or a name that tells the unit",
+                do=f"call the column time_{unit}",
+            )
 
 
 def sensed(series: Series, unit: str) -> Sensed | None:

@@ -17,7 +17,7 @@ from dynreg.draft.urdf import is_urdf
 from dynreg.errors import RobotError, UsageError
 from dynreg.sim.mjcf import ROOT
 
-BASE = "base"  # the name of a free joint that has none
+BASE, KEY = "base", "key"  # the names of a free joint and of a keyframe that have none
 _ODD = re.compile(r"[,\[\]*?/\s]+")  # letters that `sets` entries and channel names cannot hold
 _NAMED_BY = {  # attributes that hold the name of a joint, a body or a geom
     "joint": ("joint", "joint1", "joint2", "jointinparent"),
@@ -66,6 +66,7 @@ def open_model(source: Source, options: DraftOptions, notes: Notes) -> Opened:
             )
     for sensor in list(spec.sensors):
         spec.delete(sensor)
+    _name_keys(spec, notes)
     assets = {path: assets[path] for path in _named(spec)}
     spec.assets = dict(assets)
     return Opened(_read(_with_names(spec.to_xml()), assets, source.name), assets)
@@ -183,6 +184,19 @@ def _with_names(text: str) -> str:
             if old:
                 _rename(root, kind, old, new)
     return ET.tostring(root, encoding="unicode")
+
+
+def _name_keys(spec: mujoco.MjSpec, notes: Notes) -> None:
+    """Name the keyframes of a model in which none has a name: robot.toml names the one that episodes begin from."""
+    if not spec.keys or any(key.name for key in spec.keys):
+        return
+    for key, name in zip(spec.keys, _numbered(KEY), strict=False):
+        key.name = name
+    several = len(spec.keys) > 1
+    notes.add(
+        f"no keyframe of the model has a name: {'the first' if several else 'it'} is called {KEY}, and episodes begin "
+        "from it"
+    )
 
 
 def _wanted(kind: str, parent: ET.Element, element: ET.Element) -> str:

@@ -13,7 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
-from dynreg.errors import DynregError, RobotError, UsageError
+from dynreg.errors import DynregError, LogError, RobotError, UsageError
 from dynreg.limits import limits, refuse
 
 _CODE = "from dynreg.sim.child import answer; answer()"
@@ -31,6 +31,8 @@ class NotTried(RobotError):
     """A robot was not tried to the end on this machine, now: time or memory ran out, or no process could begin."""
 
 
+# Errors of `work` that are raised as they are; all others are told as those of the robot.
+KEPT = {kind.__name__: kind for kind in (UsageError, LogError)}
 TWICE = 2  # seconds on the wall for one of the processor, where cores are shared
 
 
@@ -40,7 +42,7 @@ def in_child(work: str, files: Mapping[str, bytes], *texts: str, limit: str) -> 
     limit : the name of the limit on its seconds; its memory is limited by `robot_memory`. Where a system has no such
     limits (Windows; memory on macOS), time is limited alone.
     Raises NotTried past them and where no process can begin; RobotError where the process ends by itself, and where
-    `work` raises an error of dynreg, but for a UsageError, which is raised as it is.
+    `work` raises an error of dynreg, but for those of `KEPT`, which are raised as they are.
     """
     head = json.dumps(
         {
@@ -83,7 +85,7 @@ def _read(told: dict[str, Any], limit: str) -> Any:
         return told["value"]
     if "error" in told:
         problem, expected, do = told["error"]
-        raise (UsageError if told["usage"] else RobotError)(problem, expected=expected, do=do)
+        raise KEPT.get(told["kind"], RobotError)(problem, expected=expected, do=do)
     if "bug" in told:
         raise RuntimeError(told["bug"])
     if "memory" in told:
@@ -123,7 +125,7 @@ def answer() -> NoReturn:
     except MemoryError:
         told = {"memory": True}
     except DynregError as error:
-        told = {"error": (error.problem, error.expected, error.do), "usage": isinstance(error, UsageError)}
+        told = {"error": (error.problem, error.expected, error.do), "kind": type(error).__name__}
     except Exception:
         told = {"bug": traceback.format_exc()}
     with open(out, "w", encoding="utf-8") as answers:

@@ -50,9 +50,11 @@ def gait(rng: np.random.Generator, steps: int, actions: int, rate: float) -> np.
 
 
 def chirp(rng: np.random.Generator, steps: int, actions: int, rate: float) -> np.ndarray:
-    """Sines of rising frequency (0.3 to at most 4 Hz), a random amplitude for each joint."""
+    """Sines of rising frequency (0.3 to 4 Hz, at most a fifth of `rate`), a random amplitude for each joint."""
     t = np.arange(steps)[:, None] / rate
-    f0, f1 = rng.uniform(0.3, 1.0, actions), rng.uniform(1.0, min(4.0, rate / 5), actions)
+    fastest = rate / 5  # five commands a period show a sine
+    middle = min(1.0, fastest)
+    f0, f1 = rng.uniform(0.3 * middle, middle, actions), rng.uniform(middle, min(4.0, fastest), actions)
     duration = max(steps / rate, 1e-9)
     return rng.uniform(0.2, 1, actions) * np.sin(2 * np.pi * (f0 * t + (f1 - f0) * t**2 / (2 * duration)))
 

@@ -21,6 +21,7 @@ from dynreg.sim.mjcf import compile_model, model_files, try_model
 from dynreg.sim.sets import Assignment, parse
 from dynreg.sim.space import Parameter, ParameterSpace
 from dynreg.sim.spec import RobotFile
+from dynreg.sim.stops import with_stops
 from dynreg.tomlfile import parse_toml, toml_text
 
 
@@ -191,7 +192,7 @@ class Robot:
 
     @property
     def recording_spec(self) -> RecordingSpec:
-        """What a log of this robot must hold."""
+        """What a log of this robot must hold; RobotError where its model cannot be compiled."""
         file = self.file
         signals = {"state": file.channels, "action": file.actions, "input": file.inputs}
         channels = [
@@ -201,7 +202,8 @@ class Robot:
         ]
         channels += [ChannelSpec(name, "1", "enable", True, 0, 1) for name in self.inputs[len(file.inputs) :]]
         usual = tuple(s.name for s in file.settings if s.values == [s.nominal])
-        return RecordingSpec(self.name, tuple(channels), self.settings, file.robot.control_rate, usual)
+        spec = RecordingSpec(self.name, tuple(channels), self.settings, file.robot.control_rate, usual)
+        return spec if self.planar else with_stops(self.model, spec)
 
     @cached_property
     def setters(self) -> tuple[tuple[Assignment, ...], ...]:

@@ -73,7 +73,7 @@ def robot_draft(
 
     progress : is called with (stage, done, total).
     Raises UsageError where the folder exists or its name is none, RobotError for a model that cannot be read or driven,
-    LogError for a log that cannot be read. Nothing is left where it fails.
+    LogError for a log that cannot be read or whose clock tells no rate. Nothing is left where it fails.
     """
     from dynreg.data.ingest import read_log
     from dynreg.draft.apart import draft_apart
@@ -99,7 +99,7 @@ def robot_draft(
     report = progress or (lambda *_: None)
     if log:
         report(f"read {log.name}", 0, 1)
-        heard = read_log(log)
+        heard = read_log(log).stamped()
         report(f"read {log.name}", 1, 1)
     report(f"draft and try {name}", 0, 1)
     made = draft_apart(model, name, stated, heard, settings.root)

@@ -1,5 +1,6 @@
 """`dynreg robots init` and what follows it: where the folder goes, and which command comes next."""
 
+import math
 from pathlib import Path
 
 import pytest
@@ -81,3 +82,51 @@ def test_a_log_without_commands_is_said_to_have_none(dynreg, here: Path) -> None
     said = " ".join(made.out.split())
     assert "no column of commands was recognised" in said and "pos_turn, effort_turn" in said
     assert "the log measures the torque" not in said
+
+
+def _moving(times: list[str], clock: str, size: float = 1.0) -> str:
+    """A log of the arm whose joint follows its command, with these stamps."""
+    angles = [(size * math.sin(0.02 * k - 0.1), size * math.sin(0.02 * k)) for k in range(len(times))]
+    rows = [f"{time},{went:.6f},{told:.6f}" for time, (went, told) in zip(times, angles, strict=True)]
+    return "\n".join([f"{clock},pos_turn,cmd_turn", *rows])
+
+
+@pytest.mark.parametrize(
+    ("times", "told"),
+    [
+        ([f"{10 * k}" for k in range(600)], "looks like milliseconds; expected seconds in column 'time'"),
+        ([f"{10**7 * (k + 17 * 10**10)}" for k in range(600)], "call the column time_ns"),
+        ([f"{k % 300 / 100}" for k in range(600)], "the clock runs back by 2.99 s"),
+        ([f"{k // 300}" for k in range(600)], "the clock stands still"),
+    ],
+)
+def test_a_log_whose_clock_tells_no_rate_ends_in_one_line(
+    times: list[str], told: str, dynreg, here: Path
+) -> None:
+    (here / "arm.xml").write_text(ARM)
+    (here / "run.csv").write_text(_moving(times, "time"))
+    made = dynreg(*"robots init arm.xml --log run.csv".split())
+    said = " ".join(made.err.split())
+    assert made.status == 1 and told in said and "robot.toml" not in said, made
+    assert not (here / "arm").exists()
+
+
+def test_the_name_that_the_error_proposes_makes_the_clock_known(dynreg, here: Path) -> None:
+    (here / "arm.xml").write_text(ARM)
+    (here / "run.csv").write_text(_moving([f"{10 * k}" for k in range(600)], "time_ms"))
+    made = dynreg(*"robots init arm.xml --log run.csv".split())
+    assert made.status == 0 and "at 100 Hz" in made.out, made
+
+
+def test_a_later_log_in_degrees_is_told_by_the_stops_of_the_model(dynreg, here: Path) -> None:
+    """The draft's own log is in rad; doctor drafts a map for the other one that says its unit."""
+    (here / "arm.xml").write_text(ARM.replace('name="turn"', 'name="turn" range="-80 80"'))
+    times = [f"{k / 100}" for k in range(600)]
+    (here / "run.csv").write_text(_moving(times, "time"))
+    dynreg(*"robots init arm.xml --log run.csv".split())
+    assert dynreg(*"ingest run.csv --robot arm".split()).status == 0
+    (here / "later.csv").write_text(_moving(times, "time", 180 / math.pi))
+    stored = dynreg(*"ingest later.csv --robot arm --map arm/maps/log.toml".split())
+    assert stored.status == 1 and "41 x its limit; degrees?" in " ".join(stored.err.split()), stored
+    drafted = dynreg(*"doctor later.csv --robot arm --draft-map -".split())
+    assert drafted.out.count('unit = "deg"') == 2, drafted

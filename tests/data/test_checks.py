@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -225,6 +226,49 @@ def test_planted_fault_is_found(
     if severity == "error":
         with pytest.raises(LogError if check != "map" else MapError, match="expected"):
             read_recording(path, servo_spec)
+
+
+def stopped(spec: RecordingSpec) -> RecordingSpec:
+    """The robot with a model whose joint stops at +-1.1 rad, in place of limits in robot.toml."""
+    channels = (replace(c, low=None, high=None) for c in spec.channels)
+    return replace(
+        spec,
+        channels=tuple(replace(c, stops=(-1.1, 1.1)) if c.name == "arm/position" else c for c in channels),
+    )
+
+
+def test_degrees_are_told_by_the_stops_of_the_model(
+    write_table: Callable, swing: Columns, servo_spec: RecordingSpec
+):
+    degrees(swing)
+    found = doctor(write_table(**swing), stopped(servo_spec))
+    (told,) = [f for f in found if f.check == "units" and "its limit" in f.message]
+    assert (
+        told.severity == "error" and "arm/position" in told.where and "52.1 x its limit; deg" in told.message
+    )
+
+
+def moved(c: Columns) -> None:
+    c["arm__position"] += 2 * np.pi
+
+
+def pressed(c: Columns) -> None:
+    for name in ("arm__position", "arm__velocity", "arm__target"):
+        c[name] *= 1.2
+
+
+def lost(c: Columns) -> None:
+    c["arm__position"][300:304] = 6553.5
+
+
+@pytest.mark.parametrize("sound", [moved, pressed, lost])
+def test_stops_of_the_model_tell_of_units_alone(
+    sound: Callable, write_table: Callable, swing: Columns, servo_spec: RecordingSpec
+):
+    """An encoder whose zero is a turn away, a joint pressed into its soft stop, a bus that fails for four rows."""
+    sound(swing)
+    found = doctor(write_table(**swing), stopped(servo_spec))
+    assert not [f for f in found if f.check == "limits" or f.severity == "error"], found
 
 
 def test_ingest_error_points_to_the_doctor(write_table: Callable, swing: Columns, servo_spec: RecordingSpec):

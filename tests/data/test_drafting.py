@@ -1,5 +1,6 @@
 """A map drafted from a log is taken by `read_recording` as it is, and gives the numbers that were logged."""
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -85,6 +86,28 @@ def test_columns_that_name_a_joint(column: str, tmp_path: Path):
     draft = draft_map(log, spec_of((name, UNITS[name.split("/")[1]], kind)))
     assert draft.sources[name].keys["source"] == column and not draft.sources[name].ambiguous
     assert parse_map(draft.text).channels[name].source == column
+
+
+@pytest.mark.parametrize("brackets", [" [{}]", "[{}]", " ({})"])
+def test_a_unit_in_brackets_is_no_joint(brackets: str, tmp_path: Path):
+    """Without a robot too, where the names alone tell the joints."""
+    units = {"pos": "deg", "vel": "rpm", "cmd": "deg"}
+    joints = ("elbow", "wrist")
+    columns = {
+        f"{j}_{what}{brackets.format(unit)}": np.arange(5.0) for j in joints for what, unit in units.items()
+    }
+    draft = draft_map(table(tmp_path, **columns))
+    names = {"position": "pos", "velocity": "vel", "target": "cmd"}
+    assert {c.name for c in draft.spec.channels} == {f"{j}/{name}" for j in joints for name in names}
+    read = parse_map(draft.text).channels
+    for joint, (name, word) in itertools.product(joints, names.items()):
+        told = read[f"{joint}/{name}"]
+        assert (told.source, told.unit) == (f"{joint}_{word}{brackets.format(units[word])}", units[word])
+
+
+def test_joints_of_a_list_may_be_called_like_units(tmp_path: Path):
+    draft = draft_map(table(tmp_path, **{f"q[{joint}]": np.arange(5.0) for joint in "ABN"}))
+    assert {c.name for c in draft.spec.channels} == {f"{joint}/position" for joint in "ABN"}
 
 
 def test_the_longest_joint_that_fits_has_the_column(tmp_path: Path):

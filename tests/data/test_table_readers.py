@@ -47,6 +47,17 @@ def test_whole_nanoseconds_lose_no_digit(tmp_path: Path):
     np.testing.assert_allclose(log.sources["q"].time, 0.002 * np.arange(5), rtol=0, atol=1e-15)
 
 
+@pytest.mark.parametrize(
+    ("name", "second"), [("Time [s]", 1.0), ("time [ms]", 1e3), ("t (us)", 1e6), ("Timestamp[ns]", 1e9)]
+)
+def test_a_clock_whose_unit_stands_in_brackets_needs_no_map(name: str, second: float, tmp_path: Path):
+    rows = [f"{t * second:.0f},{q}" for t, q in zip(range(50), Q.tolist(), strict=True)]
+    (tmp_path / "x.csv").write_text("\n".join([f"{name},q", *rows]))
+    log = read_log(tmp_path / "x.csv")
+    assert list(log.sources) == ["q"]
+    np.testing.assert_allclose(log.sources["q"].time, np.arange(50.0))
+
+
 def test_parquet_lists_flags_and_units(tmp_path: Path):
     fields = [
         pa.field("time", pa.float64()),

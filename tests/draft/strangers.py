@@ -37,6 +37,9 @@ GENERAL = """<actuator>
     <general joint="shoulder" gainprm="0.2" biastype="affine" biasprm="0 -20 -1" ctrlrange="-100 100"/>
     <general joint="elbow" gear="2" gainprm="5" biastype="affine" biasprm="0 -5 -0.5"/>
   </actuator>"""
+GEARED = """<actuator>
+    <position joint="shoulder" gear="10" kp="0.4" kv="0.01"/><position joint="elbow" gear="10" kp="0.2" kv="0.005"/>
+  </actuator>"""
 CURRENT = """<actuator>
     <dcmotor joint="shoulder" gear="20" motorconst="0.05" resistance="2"/>
     <dcmotor joint="elbow" gear="10" motorconst="0.05" resistance="2"/>

@@ -61,6 +61,19 @@ def test_a_position_actuator_becomes_a_position_drive(tmp_path):
     assert (other.gain, other.rate_gain) == (20.0, 0.5) and other.torque_limit > 20.0 * np.pi
 
 
+@pytest.mark.parametrize(
+    ("ends", "stated", "told"),
+    [("-5 2", {}, True), ("-5 2", {"torque_limit": 30.0}, False), ("-5 5", {}, False)],
+)
+def test_forces_that_differ_by_direction_are_told(ends, stated, told, tmp_path):
+    actuators = f"""<actuator><position joint="shoulder" kp="0.4" gear="10" forcerange="{ends}"/>
+      <position joint="elbow" kp="20" kv="0.5" forcerange="-3 3"/></actuator>"""
+    made = drafted(tmp_path, strangers.ARM.format(actuators=actuators), **stated)
+    assert drive(made, "shoulder").torque_limit == stated.get("torque_limit", 50.0)
+    notes = [note for note in made.notes if "by direction" in note]
+    assert len(notes) == told and all("(shoulder: -50 to 20)" in note for note in notes)
+
+
 def test_a_motor_has_its_gear_and_range(tmp_path):
     made = drafted(tmp_path, MODELS["motor"][0])
     assert made.robot.actions == ("shoulder/command", "elbow/torque")
@@ -220,6 +233,31 @@ def test_what_is_not_understood_is_said(tmp_path):
     assert any("pull" in note for note in made.notes) and any("tendon" in note for note in made.notes)
     assert "pull" in made.files["robot.toml"].decode()
     assert problems(made.robot) == []
+
+
+CUBE = """<body name="cube" pos="0.6 0 0.05"><freejoint name="cube"/>
+  <geom type="box" size="0.05 0.05 0.05" mass="0.1"/></body>"""
+
+
+@pytest.mark.parametrize(
+    ("model", "base"), [(strangers.CART, "base"), (strangers.ARM.format(actuators=strangers.POSITION), None)]
+)
+def test_an_object_that_lies_loose_is_said_to_be_no_base(model, base, tmp_path):
+    floor = "<geom type='plane' size='5 5 0.1'/>"
+    made = drafted(tmp_path, model.replace("<worldbody>", f"<worldbody>{floor}{CUBE}", 1))
+    assert made.base == base and not any(name.startswith("cube/") for name in made.robot.channels)
+    assert any("not the robot's base" in note and note.endswith(": cube") for note in made.notes)
+    assert not any("not the robot's base" in note for note in drafted(tmp_path, model).notes)
+
+
+@pytest.mark.parametrize(("second", "begins"), [("", 0.5), ("name='bent' ", -0.4)])
+def test_episodes_begin_from_a_keyframe_without_a_name_where_none_has_one(second, begins, tmp_path):
+    keys = f'<keyframe><key qpos="0.5 -0.3"/><key {second}qpos="-0.4 0.1"/></keyframe></mujoco>'
+    made = drafted(tmp_path, MODELS["position"][0].replace("</mujoco>", keys))
+    robot = made.robot
+    assert robot.model.key_qpos[robot.keyframe, 0] == begins
+    assert any("no keyframe of the model has a name" in note for note in made.notes) is (not second)
+    assert problems(robot) == []
 
 
 def test_sites_that_are_named_for_a_tool_are_where_the_robot_may_carry(tmp_path):

@@ -10,7 +10,7 @@ import strangers
 
 from dynreg.data.ingest import read_log, read_recording
 from dynreg.data.maps import parse_map
-from dynreg.data.series import Series
+from dynreg.data.series import RawLog, Series
 from dynreg.draft.heard import Heard, sensed
 from dynreg.draft.tables import channel_tables
 from dynreg.sim.engines import rollout
@@ -108,11 +108,68 @@ def test_the_control_of_a_general_actuator_is_scaled_in_the_map(tmp_path):
     assert np.abs(told).max() == pytest.approx(0.4, rel=0.01)
 
 
+def test_a_joint_without_stops_is_in_rad_however_far_it_turns(tmp_path):
+    """The range of its actuator's targets does not say how far it turns."""
+    text = strangers.ARM.replace(' range="-90 90"', "", 1).format(
+        actuators=strangers.POSITION.replace('joint="shoulder"', 'joint="shoulder" ctrlrange="-3 3"')
+    )
+    (tmp_path / "arm.xml").write_text(text)
+    time = np.arange(600) / 100.0
+    sources = {name: Series(time, 40.0 * np.sin(time)) for name in ("pos_shoulder", "cmd_shoulder")}
+    made = strangers.draft(tmp_path / "arm.xml", "arm", log=RawLog(tmp_path / "run.csv", sources))
+    told = parse_map(made.files[made.map].decode())
+    assert {told.channels[f"shoulder/{what}"].unit for what in ("position", "target")} == {"rad"}
+
+
+@pytest.mark.parametrize("robots", [1, 2])
+def test_a_second_robot_in_the_log_is_told(tmp_path, robots: int):
+    """Their joints have the same names: whose the draft is of is the user's to say."""
+    (tmp_path / "arm.xml").write_text(strangers.ARM.format(actuators=strangers.POSITION))
+    time, sources, topics = np.arange(600) / 100.0, {}, []
+    for topic in (f"/robot{n}/{what}" for n in range(1, robots + 1) for what in ("joint_states", "commands")):
+        topics.append(topic)
+        for joint in ("shoulder", "elbow"):
+            sources[f"{topic}.position[{joint}]"] = Series(time, 0.3 * np.sin(2 * time))
+    log = RawLog(tmp_path / "run.mcap", sources, {"topics": topics})
+    made = strangers.draft(tmp_path / "arm.xml", "arm", log=log)
+    told = [note for note in made.notes if "several signals" in note]
+    assert len(told) == robots - 1
+    assert all("/robot1/joint_states.position[shoulder] is taken for shoulder/position" in t for t in told)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("rad", 1.0), ("deg", 180 / np.pi)])
+def test_targets_of_a_joint_are_not_scaled_by_its_gear(tmp_path, unit: str, factor: float):
+    """The other joint, whose actuator the log commands, keeps its scale."""
+    text = strangers.ARM.format(actuators=strangers.GEARED)
+    (tmp_path / "arm.xml").write_text(text)
+    names = {"pos_shoulder": "q0", "pos_elbow": "q1", "cmd_shoulder": "u0", "cmd_elbow": "u1"}
+    log = logged(tmp_path, text, names, lambda t: (4.0 * np.sin(2 * t), 3.0 * np.sin(3 * t)))
+    rows = pd.read_csv(log)
+    rows["cmd_shoulder"] *= 0.1
+    rows[["pos_shoulder", "cmd_shoulder"]] *= factor
+    rows.to_csv(log, index=False)
+    made = strangers.draft(tmp_path / "arm.xml", "arm", log=read_log(log))
+    told = parse_map(made.files[made.map].decode())
+    target = told.channels["shoulder/target"]
+    assert (target.scale, target.unit) == (1.0, unit) and told.channels["elbow/target"].scale == 0.1
+    assert any("follow the log's commands as they are" in n and "(shoulder: 0.1)" in n for n in made.notes)
+
+
 @pytest.mark.parametrize("rate", [0.1, 0.4, 0.5, 1.0, 50.0, 500.0])
 def test_the_rate_of_a_log_is_heard_however_slow_it_is(rate):
     assert Heard({"x/position": Series(np.arange(20) / rate, np.arange(20.0))}).rate([]) == pytest.approx(
         rate
     )
+
+
+def test_commands_that_change_seldom_do_not_slow_the_robot(tmp_path):
+    """Targets on a topic of their own at 2 Hz, states at 100 Hz."""
+    (tmp_path / "arm.xml").write_text(strangers.ARM.format(actuators=strangers.POSITION))
+    fast, slow = np.arange(600) / 100.0, np.arange(12) / 2.0
+    sources = {f"pos_{joint}": Series(fast, 0.3 * np.sin(2 * fast - 0.1)) for joint in ("shoulder", "elbow")}
+    sources |= {f"cmd_{joint}": Series(slow, 0.3 * np.sin(2 * slow)) for joint in ("shoulder", "elbow")}
+    made = strangers.draft(tmp_path / "arm.xml", "arm", log=RawLog(tmp_path / "run.mcap", sources))
+    assert made.robot.rate == 100.0
 
 
 @pytest.mark.parametrize("noise, quantum", [(0.003, 0.0), (0.0, 0.005), (0.0, 0.0)])

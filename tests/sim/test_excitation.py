@@ -47,7 +47,7 @@ def test_commands_respect_the_limits_and_use_their_room(name: str):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("rate", [10.0, 36.0, 500.0])
+@pytest.mark.parametrize("rate", [0.1, 2.0, 4.9, 10.0, 36.0, 500.0])
 def test_offsets_of_every_kind_move_every_joint_within_bounds(kind: str, rate: float):
     offsets = np.stack([KINDS[kind](np.random.default_rng(seed), 200, 3, rate) for seed in range(4)])
     assert np.abs(offsets).max() <= (2.0 if kind == "gait" else 1.0)

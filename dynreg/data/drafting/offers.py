@@ -1,18 +1,21 @@
 """What a log offers: its signals, each with the words of its name."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from dynreg.data.series import RawLog, Series
+from dynreg.data.units import UNITS
 from dynreg.data.words import COMMANDS, words
+
+_BRACKETS = re.compile(r"(.+?)\s*[\[(]([^\[\]()]+)[\])]")
 
 
 @dataclass(frozen=True)
 class Offer:
     """One signal of a log, and what its name tells.
 
-    topic : "" in tables. path : the rest of the name without what stands in brackets at its end, which is `item`. ros :
-    it is of a ROS message.
+    topic : "" in tables. path : the rest of the name without what stands in brackets at its end, which is `item`, or
+    the unit of the series. ros : it is of a ROS message.
     """
 
     source: str
@@ -46,14 +49,28 @@ class Offer:
 
 def offers_of(log: RawLog) -> tuple[Offer, ...]:
     """Every signal of a log. A list whose items have names is offered by name alone."""
-    types = log.metadata.get("types") or {}
+    types, units = log.metadata.get("types") or {}, _in_brackets(log)
     out = []
     for source, series in log.sources.items():
         topic = log.topic_of(source)
         path, item = source[len(topic) :], ""
-        if found := re.fullmatch(r"(.+)\[([^\]]*)\]", path):
+        if source in units:
+            path, unit = units[source]
+            series = replace(series, unit=series.unit or unit)
+        elif found := re.fullmatch(r"(.+)\[([^\]]*)\]", path):
             path, item = found.groups()
         ros = "/" in types.get(topic.partition("[")[0], "")
         out.append(Offer(source, topic, path, item, series, ros))
     named = {offer.group for offer in out if offer.item and not offer.item.isdigit()}
     return tuple(o for o in out if not (o.item.isdigit() and o.group in named))
+
+
+def _in_brackets(log: RawLog) -> dict[str, tuple[str, str]]:
+    """{column: (its name, the unit in brackets behind it)} of a table's columns such as "elbow_pos [rad]".
+
+    Where one of a list is no unit, as of q[A] and q[B], the others are names too.
+    """
+    columns = [name for name in log.sources if not log.topic_of(name)]
+    found = {name: told.groups() for name in columns if (told := _BRACKETS.fullmatch(name))}
+    lists = {path for path, item in found.values() if item not in UNITS or item.isdigit()}
+    return {name: (path, item) for name, (path, item) in found.items() if path not in lists}

@@ -70,13 +70,18 @@ def degrees(
 
 
 def _reach(channels: Sequence[ChannelSpec]) -> dict[str, float]:
-    """{joint: how far from 0 its angles may go [rad]}, of those with limits on both sides."""
-    out: dict[str, float] = {}
+    """{joint: how far from 0 its angles may go [rad]}: to its channels' limits on both sides, else to its stops."""
+    stated: dict[str, float] = {}
+    stops: dict[str, float] = {}
     for c in channels:
         ends = [abs(end) for end in (c.low, c.high) if end is not None and np.isfinite(end)]
-        if c.unit == "rad" and quantity_of(c.name) != "yaw" and len(ends) == 2 and max(ends) > 0:
-            out[joint_of(c.name)] = max(out.get(joint_of(c.name), 0.0), *ends)
-    return out
+        if c.unit != "rad" or quantity_of(c.name) == "yaw":
+            continue
+        if len(ends) == 2 and max(ends) > 0:
+            stated[joint_of(c.name)] = max(stated.get(joint_of(c.name), 0.0), *ends)
+        if c.stops is not None:
+            stops[joint_of(c.name)] = max(map(abs, c.stops))
+    return stops | stated
 
 
 def largest(series: Series) -> float:

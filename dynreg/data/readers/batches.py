@@ -12,7 +12,7 @@ import pyarrow.compute as pc
 
 from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.budget import Budget
-from dynreg.data.readers.columns import TIME_NAMES, UNIT_NAMES, from_columns, time_column
+from dynreg.data.readers.columns import from_columns, is_clock, time_column
 from dynreg.data.readers.numbers import doubles
 from dynreg.data.readers.signals import MAX_ITEMS
 from dynreg.data.series import Finding, RawLog
@@ -68,8 +68,12 @@ class Columns:
         """
         self.budget.check("columns", len(names))
         self.names = tuple(name.strip().lstrip("# ") for name in names)
-        clocks = (self.options.time,) if self.options.time else (*TIME_NAMES, *UNIT_NAMES)
-        wanted = [n for n in self.names if n in clocks or n and self.options.wants_signal(n)]
+        clock = self.options.time
+        wanted = [
+            n
+            for n in self.names
+            if (n == clock if clock else is_clock(n)) or n and self.options.wants_signal(n)
+        ]
         twice = [n for n, count in Counter(wanted).items() if count > 1]
         if twice:
             raise LogError(

@@ -1,6 +1,7 @@
 """Named columns (CSV, Parquet, MATLAB, JSON) become series on the table's own clock."""
 
 import math
+import re
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,22 @@ TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 UNIT_NAMES = {
     f"{name}_{unit}": unit for unit in ("ms", "us", "ns") for name in ("time", "t", "timestamp", "stamp")
 }
+_BRACKETED = re.compile(r"(?i:time|t|timestamp|stamp)\s*[\[(](s|ms|us|ns)[\])]")
+
+
+def stated_unit(name: str) -> str | None:
+    """The unit that the name of a clock states; None where it states none, or is no clock's.
+
+    >>> stated_unit("time_ms"), stated_unit("Time [s]"), stated_unit("time"), stated_unit("torque [ms]")
+    ('ms', 's', None, None)
+    """
+    found = _BRACKETED.fullmatch(name)
+    return found[1] if found else UNIT_NAMES.get(name)
+
+
+def is_clock(name: str) -> bool:
+    """Whether a column's name is a usual one of a clock."""
+    return name in TIME_NAMES or stated_unit(name) is not None
 
 
 def from_columns(
@@ -43,7 +60,7 @@ def from_columns(
     stamps = columns[name]
     if len(stamps) * len(columns) > limits().numbers:
         refuse(LogError, f"{path.name!r} asks for {len(stamps)} rows of columns", len(columns), "numbers")
-    unit = options.time_unit if options.time else UNIT_NAMES.get(name, options.time_unit)
+    unit = options.time_unit if options.time else stated_unit(name) or options.time_unit
     scale = TIME_UNITS[unit]
     time, start = seconds(stamps, scale) if len(stamps) else (np.empty(0), math.nan)
     if math.isnan(start):
@@ -69,7 +86,8 @@ def from_columns(
 
 def time_column(path: Path, columns: Collection[str], options: ReadOptions, names: Sequence[str] = ()) -> str:
     """Name of the column that is the clock: the map's, else the first of the usual names."""
-    wanted = (options.time,) if options.time else (*TIME_NAMES, *UNIT_NAMES)
+    usual = (*TIME_NAMES, *UNIT_NAMES, *filter(is_clock, (*columns, *names)))
+    wanted = (options.time,) if options.time else usual
     for name in wanted:
         if name in columns:
             return name
@@ -87,7 +105,7 @@ def time_column(path: Path, columns: Collection[str], options: ReadOptions, name
     raise LogError(
         told,
         expected=f"a column of the file, {one_of([*(names or columns)], options.time or '')}",
-        do='name it in the map: time = "..." under [map]',
+        do='call it time, or time_ms, time_us or time_ns by its unit; a map names it by time = "..." under [map]',
     )
 
 
