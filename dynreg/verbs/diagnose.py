@@ -265,17 +265,24 @@ def _told_apart(
 ) -> "tuple[Diagnosis, int]":
     """The verdict over several recordings, with values that are the same in all of them and values that differ.
 
-    And how many simulations that took.
+    And how many simulations that took. A recording that cannot be fitted alone has a note in place of its values.
     """
-    from dynreg.diagnose.refit import refits, with_own_effects
+    from dynreg.diagnose.refit import fit_alone, refits, with_own_effects
     from dynreg.evidence.lockstep import counted, run
     from dynreg.results.sentence import diagnosis_sentence
+    from dynreg.verbs.diagnosis_words import not_fitted_alone
     from dynreg.verbs.refits import told
     from dynreg.verbs.simulators import stored
 
-    each = {one.name: one.recording for one in asked.each}
+    every = {one.name: one.recording for one in asked.each}
     identity = found.extended_simulator or found.calibrated_simulator
     answer = stored(asked.registry, "simulator", identity, asked.robot).config
+    each, why = fit_alone(asked.robot, every, options, answer)
+    found = found.model_copy(
+        update={"recordings": tuple(every), "notes": (*found.notes, *not_fitted_alone(why, len(each)))}
+    )
+    if len(each) < 2:
+        return found, 0
     report = progress or (lambda *_: None)
     report("each recording", 0, 2)
     how = {"options": options, "limit": found.threshold_nats}
@@ -284,8 +291,7 @@ def _told_apart(
     report("each recording", 1, 2)
     same, many = run(counted(refits(asked.robot, each, answer=answer, **how)), threads=options.threads)
     report("each recording", 2, 2)
-    stable = tuple(told(one) for one in same.each)
-    found = found.model_copy(update={"recordings": tuple(each), "stable": stable})
+    found = found.model_copy(update={"stable": tuple(told(one) for one in same.each)})
     return found.model_copy(update={"sentence": diagnosis_sentence(found)}), alone + many
 
 

@@ -150,6 +150,14 @@ def not_driven(robot: Robot, rows: Sequence[ErrorRow]) -> Iterator[str]:
         )
 
 
+def not_fitted_alone(why: Mapping[str, str], others: int) -> Iterator[str]:
+    """A line on each of several recordings that could not be fitted alone, by name; others : how many could."""
+    for name, problem in why.items():
+        yield f"{name} was not fitted alone: {problem}"
+    if why and others < 2:
+        yield "so nothing tells what is the same in all: cut shorter rollouts with --horizon, or record longer"
+
+
 def same_words(pairs: Sequence[tuple[str, str]]) -> tuple[str, ...]:
     """The parameters that no recording like this tells from an effect, and what to do about it."""
     return tuple(
