@@ -127,6 +127,15 @@ class Coordinates:
         z = np.where(self.log, np.log(safe / np.where(self.log, self.centre, 1.0)), values - self.centre)
         return (z / self.sigma)[..., self.free]
 
+    def pulls(self, z: np.ndarray, tolerance: float = 1.0) -> np.ndarray:
+        """(P',) how far free coordinates (P',) lie from the nameplate, in its sigma; NaN where it states none.
+
+        Whatever these coordinates are about, and however wide their own sigma: `tolerance` is the factor on it here.
+        """
+        nameplate = Coordinates(self.robot, self.known, tolerance=tolerance)
+        stated = np.isfinite([self.robot.space.parameters[i].tolerance for i in self.free])
+        return np.where(stated, nameplate.from_values(self.values(z)), np.nan)
+
     @cached_property
     def scales(self) -> dict[str, np.ndarray]:
         """{quantity: (A,)} what sizes of effects are multiples of, for each drive; a planar base has no forces."""

@@ -140,9 +140,10 @@ class Pulled(Estimate):
     """A parameter of the model beside the cause, in the extended simulator (the calibrated one without a cause).
 
     low, high : null where it was not fitted (earlier versions wrote the value there): then `value` is what the
-    simulator at the start has. pulled_sigma : how far it lies from its nameplate, in standard deviations of that; null
-    where none is stated. share : of what calibration gains on the data that it was fitted to, what this parameter makes
-    alone, by its calibrated value in the simulator at the start; null where calibration gains nothing there.
+    simulator at the start has. pulled_sigma : how far it lies from its nameplate, in standard deviations as robot.toml
+    states them, whatever the search began with; null where none is stated. share : of what calibration gains on the
+    data that it was fitted to, what this parameter makes alone, by its calibrated value in the simulator at the start;
+    null where calibration gains nothing there.
     """
 
     low: float | None

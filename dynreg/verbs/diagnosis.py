@@ -198,10 +198,10 @@ def parameters(model: Model, point: Point, seen: Account) -> dict[str, Pulled]:
     stopped = dict(zip(c.free.tolist(), stopped_by_bounds(c, point).tolist(), strict=True))
     value = c.values(np.clip(point.nominal, *c.nominal_bounds.T))
     low, high = draws.quantiles(c.values(draws.z[:, : len(point.nominal)]))
-    out = {}
+    pulls, out = c.pulls(point.nominal), {}
     for i, p in enumerate(model.robot.space.parameters):
         free = np.flatnonzero(c.free == i)
-        pull = float(point.nominal[free[0]]) if len(free) and np.isfinite(p.tolerance) else None
+        pull = float(pulls[free[0]]) if len(free) and np.isfinite(p.tolerance) else None
         out[p.name] = Pulled(
             value=float(value[i] if len(free) else simulator[i]),
             low=float(min(low[i], value[i])) if len(free) else None,

@@ -63,7 +63,27 @@ def test_a_sound_cause_raises_no_doubt():
 def test_a_parameter_that_left_its_nameplate_is_a_doubt():
     assert kinds(state({"tip_mass": 0.9 * PULLED}), FINE) == []
     (one,) = doubts(state({"tip_mass": -1.5 * PULLED}), FINE)
-    assert one == Doubt("pulled", "tip_mass", -1.5 * PULLED)
+    assert (one.kind, one.of, one.value) == ("pulled", "tip_mass", pytest.approx(-1.5 * PULLED))
+
+
+def test_a_parameter_is_pulled_from_its_nameplate_wherever_the_search_began():
+    """Its pull was counted from the start: 25 % more mass there, and 22 sigma of robot.toml were no doubt."""
+    at = ROBOT.space.names.index("tip_mass")
+    heavy = ROBOT.space.nominal * np.where(np.arange(len(ROBOT.space)) == at, 1.25, 1.0)
+    own = FREE.index("tip_mass")
+    for centre, tolerance in ((heavy, 1.0), (None, 5.0), (heavy, 5.0)):
+        c = Coordinates(ROBOT, nominal_known(ROBOT), centre, tolerance)
+        z = c.from_values(np.where(np.arange(len(heavy)) == at, 1.22, 1.0) * ROBOT.space.nominal)
+        assert c.pulls(z)[own] == pytest.approx(22.0), "1 % is stated"
+        found = replace(state(), model=Model(ROBOT, c))
+        found = replace(found, current=replace(found.current, nominal=z))
+        (one,) = doubts(found, FINE)
+        assert (one.kind, one.of, one.value) == ("pulled", "tip_mass", pytest.approx(22.0))
+    guess = Coordinates(ROBOT, nominal_known(ROBOT), None, 10.0)
+    point = replace(state().current, nominal=guess.from_values(c.values(z)))
+    assert doubts(replace(state(), model=Model(ROBOT, guess), current=point), FINE) == (), (
+        "a guess may be wrong"
+    )
 
 
 def test_a_parameter_at_the_edge_of_its_range_is_a_doubt_but_not_at_nothing():
