@@ -130,6 +130,6 @@ def replaced(naming: Naming) -> bool:
 
 
 def _no_better(judged: Judged) -> list[Doubt]:
-    """Whether a baseline without a simulator errs less than the extended simulator."""
-    ratio = float(judged.each[-1].mean() / judged.plain.mean()) if judged.plain.mean() > 0 else 0.0
+    """Whether a baseline without a simulator errs less than the simulator that is left."""
+    ratio = float(judged.each[judged.last].mean() / judged.plain.mean()) if judged.plain.mean() > 0 else 0.0
     return [Doubt("no_better", "", ratio)] if ratio > 1 else []

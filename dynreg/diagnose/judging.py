@@ -51,6 +51,11 @@ class Judged:
         return len(self.states) - self.CAUSES
 
     @property
+    def last(self) -> int:
+        """The row of the simulator that is left: with all causes, or without any the calibrated one."""
+        return self.CAUSES + self.causes - 1 if self.causes else self.CALIBRATED
+
+    @property
     def rival(self) -> int:
         """The row of the better calibration."""
         means = self.each[: self.CAUSES].mean(axis=1)
@@ -79,7 +84,7 @@ class Judged:
     @property
     def of_all(self) -> Gain | None:
         """The gain of all causes together over the better calibration; None without causes."""
-        return self.gained(self.rival, -1) if self.causes else None
+        return self.gained(self.rival, self.last) if self.causes else None
 
 
 def unpenalised(state: State, posed: Data) -> Search[Point]:

@@ -86,7 +86,7 @@ def document(
         causes=_causes(made, seen),
         gain=_gain(judged.of_all),
         calibration=_gain(judged.gained(judged.START, judged.CALIBRATED)),
-        over_start=_gain(judged.gained(judged.START, -1 if judged.causes else judged.CALIBRATED)),
+        over_start=_gain(judged.gained(judged.START, judged.last)),
         doubts=tuple(Doubt(**vars(one)) for one in made.doubts),
         ranking=_ranking(made),
         threshold_nats=limit.nats,
@@ -178,7 +178,7 @@ def _errors(made: Diagnosed) -> tuple[RolloutError, ...]:
     """Errors of every weighted channel."""
     robot, judged = made.problem.model.robot, made.judged
     rows = dict(zip((*NAMES[:2], "unpenalised"), judged.errors, strict=False))
-    rows["extended"] = judged.errors[-1] if judged.causes else rows["calibrated"]
+    rows["extended"] = judged.errors[judged.last]
     rows |= {"held": judged.held, "followed": judged.followed}
     return tuple(
         RolloutError(

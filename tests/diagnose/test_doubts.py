@@ -140,6 +140,13 @@ def test_a_simulator_that_errs_more_than_one_that_holds_still_is_a_doubt():
     )
 
 
+def test_without_a_cause_the_calibrated_simulator_is_held_against_one_that_holds_still():
+    """That without the prior was: it is left to nobody, and may do better or worse."""
+    none = replace(state(), accepted=0)
+    assert kinds(none, judged(9.0, 0.5, 5.0)) == []
+    assert kinds(none, judged(9.0, 5.0, 0.5)) == [("no_better", "")]
+
+
 def test_a_log_that_looks_like_no_known_cause_is_a_doubt_about_a_cause_alone():
     near, far = (Ranking((), np.zeros(0), 1.0, 0.1, resemblance) for resemblance in (0.99, 0.5))
     assert doubts(state(), FINE, near) == ()
