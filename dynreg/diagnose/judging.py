@@ -28,13 +28,15 @@ ITERATIONS = 6  # of the fit without the prior, which begins where that with it 
 class Judged:
     """The predictions on the judged windows: the test part; without one the select part.
 
-    windows : (W,) their numbers. tested : whether anything was held out. states : (n, W, T+1, S) of the initial, the
-    calibrated and the unpenalised simulator, and of that after each cause. each : (n, W) their window errors.
-    errors : (n, C) mean absolute errors of the weighted channels, in their units. held, followed : (C,) the same of
-    the baselines; NaN where a channel has none. plain : (W,) window errors of the better baseline.
+    windows, episode : (W,) their numbers, and those of their episodes. tested : whether anything was held out.
+    states : (n, W, T+1, S) of the initial, the calibrated and the unpenalised simulator, and of that after each cause.
+    each : (n, W) their window errors. errors : (n, C) mean absolute errors of the weighted channels, in their units.
+    held, followed : (C,) the same of the baselines; NaN where a channel has none. plain : (W,) window errors of the
+    better baseline.
     """
 
     windows: np.ndarray
+    episode: np.ndarray
     tested: bool
     states: np.ndarray
     each: np.ndarray
@@ -63,7 +65,7 @@ class Judged:
 
     def gained(self, before: int, after: int) -> Gain | None:
         """The gain of row `after` over row `before`; None where nothing was held out."""
-        return gain(self.each[before], self.each[after]) if self.tested else None
+        return gain(self.each[before], self.each[after], self.episode) if self.tested else None
 
     def of_cause(self, number: int) -> Gain | None:
         """The gain of a cause over the causes before it; of the first over the better calibration."""
@@ -122,7 +124,8 @@ def judge(model: Model, state: State, loose: Point, posed: Data) -> Search[Judge
     errors = channel_errors(windows, np.concatenate([states, [still, led]]), judged)[:, posed.use]
     each = np.stack([posed.window_errors(one, judged) for one in states])
     plain = [posed.window_errors(one, judged) for one in (still, np.where(np.isnan(led), still, led))]
-    return Judged(judged, tested, states, each, errors[:-2], *errors[-2:], min(plain, key=np.mean))
+    plain = min(plain, key=np.mean)
+    return Judged(judged, windows.episode[judged], tested, states, each, errors[:-2], *errors[-2:], plain)
 
 
 def stages(state: State) -> list[Point]:

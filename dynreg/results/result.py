@@ -4,7 +4,7 @@ import html
 import json
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict
 from pydantic_core import PydanticSerializationError
@@ -127,11 +127,16 @@ class Curves(Result):
 
 
 class Gain(Result):
-    """A relative gain with a 90 % bootstrap interval over episodes; null where there are too few."""
+    """A relative gain with its 90 % interval; null where the test part has too few windows for one.
+
+    over : what the interval counts: episodes, or their windows where there are fewer than three; null without an
+    interval, for gains of a `compare`, and in documents that were stored before it was told.
+    """
 
     value: float
     low: float | None
     high: float | None
+    over: Literal["episodes", "windows"] | None = None
 
     @property
     def worse(self) -> bool:

@@ -204,10 +204,10 @@ def over_start_sentence(of: Diagnosis) -> str:
 
 
 def gain_words(gain: Gain, than: str = "") -> str:
-    """How an error changed, with its 90 % interval; `than` is what it is compared with.
+    """How an error changed, with its 90 % interval and what that counts; `than` is what it is compared with.
 
-    >>> gain_words(Gain(value=0.31, low=0.27, high=0.35))
-    '31 % lower (90 % interval: 27 to 35 % lower)'
+    >>> gain_words(Gain(value=0.31, low=0.27, high=0.35, over="windows"))
+    '31 % lower (90 % interval over windows: 27 to 35 % lower)'
     >>> gain_words(Gain(value=0.06, low=-0.02, high=0.13), "nominal")
     '6 % lower than nominal (90 % interval: 2 % higher to 13 % lower): no clear difference'
     """
@@ -215,7 +215,8 @@ def gain_words(gain: Gain, than: str = "") -> str:
     if gain.low is None or gain.high is None:
         return f"{value} (too few episodes for an interval)"
     unclear = ": no clear difference" if gain.low <= 0 <= gain.high else ""
-    return f"{value} (90 % interval: {change_interval(gain.low, gain.high)}){unclear}"
+    over = f" over {gain.over}" if gain.over else ""
+    return f"{value} (90 % interval{over}: {change_interval(gain.low, gain.high)}){unclear}"
 
 
 def change(gain: float) -> str:

@@ -33,9 +33,9 @@ def judged(*errors: float, plain: float = 1.0, windows: int = 6) -> Judged:
     wobble = 1.0 + 0.01 * np.random.default_rng(0).standard_normal((len(errors), windows))
     each = np.array(errors)[:, None] * wobble
     nothing = np.zeros((len(errors), windows, 2, 1))
-    return Judged(
-        np.arange(windows), True, nothing, each, each[:, :1], np.ones(1), np.ones(1), np.full(windows, plain)
-    )
+    numbers, ones = np.arange(windows), np.ones(1)
+    plains = np.full(windows, plain)
+    return Judged(numbers, numbers, True, nothing, each, each[:, :1], ones, ones, plains)
 
 
 def state(nominal: dict[str, float] | None = None, effect: float = 1.0, before: float = 0.0) -> State:
