@@ -90,7 +90,7 @@ def document(
         doubts=tuple(Doubt(**vars(one)) for one in made.doubts),
         ranking=_ranking(made),
         threshold_nats=limit.nats,
-        threshold=Threshold(runs=len(limit.scores), cached=limit.cached, note=threshold_note(made)),
+        threshold=Threshold(runs=len(limit.scores), cached=limit.cached, note=threshold_note(limit.scores)),
         parameters=of_robot,
         posterior=posterior_told(
             gaussian(model.coordinates, found.current, seen.draws, seen.unidentified.alone)

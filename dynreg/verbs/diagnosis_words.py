@@ -13,6 +13,7 @@ from dynreg.diagnose.measured import measured_effects
 from dynreg.diagnose.noise import own_noise
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.problem import Problem
+from dynreg.diagnose.threshold import FEW, USUAL
 from dynreg.diagnose.verdict import rivals
 from dynreg.diagnose.where import ErrorRow
 from dynreg.errors import command
@@ -262,15 +263,17 @@ def excite_command(robot: str, first: str, second: str) -> str:
     return command("excite", robot, "--for", f"{first},{second}", "-o", "next.csv")
 
 
-def threshold_note(made: Diagnosed) -> str:
-    """How the threshold was found."""
-    scores = made.threshold.scores
+def threshold_note(scores: Sequence[float]) -> str:
+    """How the threshold was found, from the best scores [nats] of simulated robots without an effect."""
     if not scores:
         return "a default: this robot was not simulated without effects"
+    many = f"{len(scores)} simulated robot{'s' * (len(scores) > 1)} without an effect"
+    reached = f"{many} reached at most {max(scores):.3g} nats under these commands"
+    if len(scores) < FEW:
+        return f"{reached}: too few to set one below the usual {USUAL:.3g} nats, which takes {FEW} of them"
     return (
-        f"{len(scores)} simulated robots without an effect reached at most {max(scores):.3g} nats under these "
-        "commands. With 80 % confidence at most 1 in 100 of them would exceed the threshold, by their largest scores. "
-        "More runs make it more certain"
+        f"{reached}. With 80 % confidence at most 1 in 100 of them would exceed the threshold, by their largest "
+        "scores. More runs make it more certain"
     )
 
 

@@ -19,6 +19,7 @@ from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Problem
 from dynreg.diagnose.tail import exceeded
 from dynreg.diagnose.threshold import (
+    FEW,
     LEAST,
     USUAL,
     Threshold,
@@ -107,7 +108,7 @@ def shelf(case: Case) -> Shelf:
     """The cache after the case's threshold was found."""
     shelf = Shelf()
     found, many = run(counted(threshold(case.problem, case.recording, case.options, shelf)))
-    assert many > 0 and not found.cached and found.nats == max(LEAST, *found.scores)
+    assert many > 0 and not found.cached and found.nats == max(USUAL, *found.scores)
     return shelf
 
 
@@ -264,7 +265,7 @@ def test_other_sizes_or_parameters_of_the_start_are_paid_for(robot: Robot, recor
         assert one.paid(shelf)
         key = Keys()
         one.paid(key)
-        row = {"commands": commands(one.problem.data).tolist(), "nats": 7.0, "ratios": [], "scores": [7.0]}
+        row = {"commands": commands(one.problem.data).tolist(), "ratios": [1.0], "scores": [7.0]}
         shelf.cache("threshold", key.asked, {"found": [row]})
         assert not one.paid(shelf)
 
@@ -326,13 +327,19 @@ def test_the_level_is_what_one_robot_in_a_hundred_exceeds():
     scores = np.random.default_rng(0).exponential(5.0, 4000)
     assert exceeded(scores[:200], 0.01) == pytest.approx(5.0 * np.log(100.0), rel=0.25)
     assert exceeded(scores, 0.01) == pytest.approx(5.0 * np.log(100.0), rel=0.05)
-    assert level([0.0, 0.1]) == LEAST and exceeded([3.0], 0.01) == 3.0 and exceeded([1.0, 9.0], 0.01) > 9.0
+    assert level(FEW * [0.1]) == LEAST and exceeded([3.0], 0.01) == 3.0 and exceeded([1.0, 9.0], 0.01) > 9.0
 
 
 def test_few_robots_set_a_level_that_is_seldom_too_low():
     rng = np.random.default_rng(0)
     levels = [level(rng.exponential(5.0, 20)) for _ in range(400)]
     assert 0.75 < np.mean(np.array(levels) > 5.0 * np.log(100.0)) < 0.9
+
+
+@pytest.mark.parametrize("runs", range(1, FEW))
+def test_a_few_robots_make_the_threshold_no_looser_than_none_do(runs: int):
+    """One or two that scored nothing took it from 20 nats to 5."""
+    assert level(runs * [0.0]) == USUAL and level(runs * [30.0]) >= 30.0
 
 
 def test_where_nothing_was_simulated_the_usual_threshold_holds(case):
