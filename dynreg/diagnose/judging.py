@@ -121,7 +121,9 @@ def judge(model: Model, state: State, loose: Point, posed: Data) -> Search[Judge
     points = [model.start, state.base, loose, *stages(state)]
     states = yield from model.states(points, windows.run.take(judged))
     still, led = held(model.robot, windows)[judged], followed(model.robot, windows, parts.chosen)[judged]
-    errors = channel_errors(windows, np.concatenate([states, [still, led]]), judged)[:, posed.use]
+    errors = channel_errors(windows, np.concatenate([states, [still, led]]), judged)
+    errors[-1, np.isnan(led).all(axis=(0, 1))] = np.nan  # what follows no command has not diverged
+    errors = errors[:, posed.use]
     each = np.stack([posed.window_errors(one, judged) for one in states])
     plain = [posed.window_errors(one, judged) for one in (still, np.where(np.isnan(led), still, led))]
     plain = min(plain, key=np.mean)

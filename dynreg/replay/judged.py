@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from dynreg.data.recording import Recording
+from dynreg.replay.residual import missed
 from dynreg.replay.windows import Windows
 from dynreg.rng import stream
 from dynreg.sim.robot import Robot
@@ -84,9 +85,9 @@ def _bootstrap(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
 def channel_errors(windows: Windows, states: np.ndarray, chosen: np.ndarray) -> np.ndarray:
     """(n, S) mean absolute error of simulators' states (n, W, T+1, S) in each channel, in its unit.
 
-    Of what was measured in the windows `chosen`; NaN for channels that were not.
+    Of what was measured in the windows `chosen`; NaN for channels that were not. See `residual.missed`.
     """
-    miss = np.abs(states[..., 1:, :] - windows.measured[chosen][:, 1:])
+    miss = missed(states[..., 1:, :], windows.measured[chosen][:, 1:], windows.spread)
     known = np.isfinite(miss)
     count = known.sum(axis=(1, 2))
     return np.where(count > 0, np.where(known, miss, 0.0).sum(axis=(1, 2)) / np.maximum(count, 1), np.nan)

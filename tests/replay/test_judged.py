@@ -1,9 +1,11 @@
 """A gain and its interval: how often 90 % hold the truth, and what counts as one piece of evidence."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from dynreg.replay.judged import gain
+from dynreg.replay.judged import channel_errors, gain
 
 DRAWS = 400
 TRUE = 1.0 - 0.7  # what the made-up simulators gain
@@ -52,3 +54,16 @@ def test_of_two_episodes_the_windows_are_counted_and_of_two_windows_nothing() ->
 def test_a_window_without_an_error_makes_no_interval_infinite() -> None:
     found = gain(np.ones(4), np.array([0.5, 0.0, 0.5, 0.5]), np.arange(4))
     assert np.isfinite([found.low, found.high]).all()
+
+
+def test_a_simulator_that_diverges_errs_by_ten_times_the_motion_on_every_channel() -> None:
+    """Its rows without a number were passed over: the sooner it diverged, the better it looked."""
+    measured = np.zeros((1, 5, 3))
+    measured[..., 2] = np.nan
+    windows = SimpleNamespace(measured=measured, spread=np.array([2.0, 0.1, np.nan]))
+    states = np.full((3, 1, 5, 3), 1.0)
+    states[1, :, 3:], states[2, :, 1:] = np.nan, np.inf
+    found = channel_errors(windows, states, np.array([0]))
+    assert found[:, 0] == pytest.approx([1.0, (1.0 + 1.0 + 20.0 + 20.0) / 4, 20.0])
+    assert found[:, 1] == pytest.approx([1.0, (1.0 + 1.0 + 1.0 + 1.0) / 4, 1.0])
+    assert np.isnan(found[:, 2]).all(), "nothing was measured"
