@@ -92,7 +92,7 @@ class Evidence:
 
     @classmethod
     def of(cls, found: State, recording: Recording, usual: Sequence[float] = ()) -> Search["Evidence"]:
-        """Compute the residual on the fit and select parts, and the repeatability on the whole recording.
+        """Compute the residual on the fit and select parts, and the repeatability on what may be read of the recording.
 
         usual : `most_left` of simulated robots without an effect.
         """

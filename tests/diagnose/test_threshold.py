@@ -12,6 +12,7 @@ import pytest
 from edited_log import edited
 
 from dynreg.data.recording import Recording
+from dynreg.diagnose.diagnose import offered
 from dynreg.diagnose.noise import TWICE, noisier, own_noise
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.plans import Short
@@ -318,6 +319,27 @@ def test_two_sets_of_commands_are_kept_under_one_key(robot, recording, case):
 def test_commands_of_other_shapes_are_others(case):
     told = commands(case.problem.data)
     assert same(told, told) and not same(told, told[:-1]) and not same(told, told + 0.1)
+
+
+def test_what_only_the_test_part_shows_is_not_looked_at_before_it_is_judged(robot, recording):
+    """Its noise set the threshold, and a supply that sags there alone left an effect out."""
+    held = [e.name for e in recording.episodes[2:]]
+    rng, position, supply = stream(0, "noise"), column(recording, "arm/position"), column(recording, "supply")
+
+    def edit(number: int, values: np.ndarray) -> None:
+        if number >= 2:
+            values[:, position] += 4.0 * robot.sensor_noise[0] * rng.standard_normal(len(values))
+            values[5:, supply] -= 0.3
+
+    odd = edited(recording, edit)
+    one = posed(robot, odd, hold_out=",".join(held))
+    assert own_noise(robot, odd) and not own_noise(robot, one.problem.untested(odd))
+    key = Keys()
+    one.paid(key)
+    assert key.asked["noise"] == {}
+    asked = DiagnosisOptions(effects=("voltage_sag",), hold_out=",".join(held), threads=1)
+    model, data = pose(robot, odd, asked)
+    assert [t.key for t in offered(model, data, asked)] == ["voltage_sag"]
 
 
 # ---- the level ----
