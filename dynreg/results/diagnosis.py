@@ -290,8 +290,9 @@ class Diagnosis(Result):
 
     start : from which simulator it began ("nominal", "nearest" or an id); simulator : that one's id, where it has one.
     verdict : of the first cause; "unknown": there is an error that no effect explains; "none": nothing is.
-    sentence : the verdict for a person. gain : of all causes together over the better calibration (with the prior of
-    the nameplate, or without), on the test part; null without causes or where nothing was held out. calibration : of
+    sentence : the verdict for a person. gain : of all causes together over the better calibration, on the test part;
+    null without causes or where nothing was held out. rival : that calibration, with the prior of the nameplate
+    ("calibrated") or without ("unpenalised"); null in documents that were stored before it was told. calibration : of
     the calibrated simulator over that at the start, on the test part. over_start : of the simulator that it leaves (the
     extended one, else the calibrated one) over that at the start; below 0 where that one predicts it better.
     doubts : what speaks against the causes; with any of them the verdict is at most "partly_explained".
@@ -319,6 +320,7 @@ class Diagnosis(Result):
     sentence: str
     causes: tuple[Cause, ...]
     gain: Gain | None = None
+    rival: Literal["calibrated", "unpenalised"] | None = None
     calibration: Gain | None = None
     over_start: Gain | None = None
     doubts: tuple[Doubt, ...] = ()

@@ -173,7 +173,9 @@ def _gain_sentences(of: Diagnosis) -> tuple[str, ...]:
     causes = (
         "all causes" if of.gain and len(of.causes) > 1 else of.causes[0].key if of.causes else "the cause"
     )
-    than = "the calibrated model's" if of.over_start else ""
+    loose = of.rival == "unpenalised"
+    rival = "that of the model calibrated without a prior" if loose else "the calibrated model's"
+    than = rival if of.over_start else ""
     out = [f"With {causes} in the model, the error on held-out data is {gain_words(gain, than)}."]
     if of.over_start and helping(of) and not (of.worse or of.unclear):
         both = f"It is {gain_words(of.over_start, f'that of {of.began}')}."

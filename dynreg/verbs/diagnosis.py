@@ -85,6 +85,7 @@ def document(
         sentence="",
         causes=_causes(made, seen),
         gain=_gain(judged.of_all),
+        rival="unpenalised" if judged.rival == judged.UNPENALISED else "calibrated",
         calibration=_gain(judged.gained(judged.START, judged.CALIBRATED)),
         over_start=_gain(judged.gained(judged.START, judged.last)),
         doubts=tuple(Doubt(**vars(one)) for one in made.doubts),
