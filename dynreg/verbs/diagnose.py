@@ -198,6 +198,8 @@ def diagnose(asked: "Recorded", settings: DiagnoseSettings, progress: Progress |
 
     Raises as `diagnose.diagnose`. The calibrated and the extended simulator are registered.
     """
+    from threadpoolctl import threadpool_limits
+
     from dynreg.diagnose.account import with_account
     from dynreg.diagnose.diagnose import diagnose as find
     from dynreg.evidence.lockstep import counted, run
@@ -220,7 +222,8 @@ def diagnose(asked: "Recorded", settings: DiagnoseSettings, progress: Progress |
     parent = begin and begin.id
     ids = {kind: _register(asked, robot, parent, kind, *one) for kind, one in seen.simulators.items()}
     cost = Cost(evaluations=0, rollouts=rollouts, test_rollouts=len(made.judged.states), seconds=0.0)
-    found = document(asked, settings.start, options, made, seen, ids, cost)
+    with threadpool_limits(1, user_api="blas"):  # as in `run`: the same bytes on any number of threads
+        found = document(asked, settings.start, options, made, seen, ids, cost)
     again = 0
     if asked.each:
         found, again = _told_apart(asked, found, options, progress)
