@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from dynreg.axes import axes_for
 from dynreg.results.posterior import Posterior
 from dynreg.results.refit import Refit
-from dynreg.results.result import Cost, Curves, Estimate, Gain, Interval, Result, plot_curves
+from dynreg.results.result import Cost, Curves, Estimate, Gain, Interval, Result, change, plot_curves
 
 if TYPE_CHECKING:
     import numpy as np
@@ -472,7 +472,7 @@ class Diagnosis(Result):
 
     def brief(self) -> str:
         causes = " and ".join(cause.key for cause in self.causes)
-        gain = f", held-out error {100 * self.gain.value:.0f} % lower" if self.gain else ""
+        gain = f", held-out error {change(self.gain.value)}" if self.gain else ""
         return f"of {self.recording_name or self.recording[:12]}: {self.verdict} {causes}".rstrip() + gain
 
     def __str__(self) -> str:

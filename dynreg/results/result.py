@@ -144,6 +144,16 @@ class Gain(Result):
         return self.value < 0 and (self.high is None or self.high < 0)
 
 
+def change(gain: float) -> str:
+    """A relative gain as the change of an error.
+
+    >>> change(0.31), change(-0.02), change(-0.001)
+    ('31 % lower', '2 % higher', '0.1 % higher')
+    """
+    percent = round(100 * gain) or round(100 * gain, 1)  # on which side of 0 it is decides
+    return f"{abs(percent):g} % {'higher' if percent < 0 else 'lower'}"
+
+
 class Cost(Result):
     """What a result cost.
 

@@ -24,7 +24,7 @@ from dynreg.results.helped import (
     main_parameters,
 )
 from dynreg.results.refit import Refit
-from dynreg.results.result import Gain
+from dynreg.results.result import Gain, change
 
 NOISE_FLOORS = {
     "repeatability": "the difference of repeated runs",
@@ -86,7 +86,7 @@ def diagnosis_details(of: Diagnosis) -> tuple[str, ...]:
     out = [*_calibration_sentences(of)]
     out += [f"Size of {_effect(cause)}: {_sizes(cause)}." for cause in helping(of)]
     if of.verdict == "none":
-        out.append(f"No cause has the {of.threshold_nats:.3g} nats of evidence that chance alone could give.")
+        out.append(f"No cause has more evidence than chance could give ({of.threshold_nats:.3g} nats).")
         if error.calibrated is not None:
             out.append(
                 f"The calibrated model's error on {error.channel} is {error.calibrated:.3g} {error.unit}."
@@ -219,16 +219,6 @@ def gain_words(gain: Gain, than: str = "") -> str:
     unclear = ": no clear difference" if gain.low <= 0 <= gain.high else ""
     over = f" over {gain.over}" if gain.over else ""
     return f"{value} (90 % interval{over}: {change_interval(gain.low, gain.high)}){unclear}"
-
-
-def change(gain: float) -> str:
-    """A relative gain as the change of an error.
-
-    >>> change(0.31), change(-0.02), change(-0.001)
-    ('31 % lower', '2 % higher', '0.1 % higher')
-    """
-    percent = round(100 * gain) or round(100 * gain, 1)  # on which side of 0 it is decides
-    return f"{abs(percent):g} % {'higher' if percent < 0 else 'lower'}"
 
 
 def change_interval(low: float, high: float) -> str:

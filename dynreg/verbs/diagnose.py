@@ -220,7 +220,8 @@ def diagnose(asked: "Recorded", settings: DiagnoseSettings, progress: Progress |
     if progress:
         progress(JUDGED, 1, 1)
     parent = begin and begin.id
-    ids = {kind: _register(asked, robot, parent, kind, *one) for kind, one in seen.simulators.items()}
+    made_here = {kind: _register(asked, robot, parent, kind, *one) for kind, one in seen.simulators.items()}
+    ids = {"start": parent} | made_here
     cost = Cost(evaluations=0, rollouts=rollouts, test_rollouts=len(made.judged.states), seconds=0.0)
     with threadpool_limits(1, user_api="blas"):  # as in `run`: the same bytes on any number of threads
         found = document(asked, settings.start, options, made, seen, ids, cost)

@@ -67,7 +67,10 @@ def document(
     ids: dict[str, str | None],
     cost: Cost,
 ) -> Diagnosis:
-    """The diagnosis of a recording, which began with the simulator `start`; ids : of the simulators, by kind."""
+    """The diagnosis of a recording, which began with the simulator `start`.
+
+    ids : of the simulators, by kind; "start" is None where it has none.
+    """
     model, found, errors = made.problem.model, made.found, _errors(made)
     of_robot = parameters(model, found.current, seen)
     limit, spread = made.threshold, made.problem.data.spread
@@ -80,7 +83,7 @@ def document(
         recording=asked.recording.id,
         recording_name=asked.name or asked.recording.id[:12],
         start=start,
-        simulator=None,
+        simulator=ids["start"],
         verdict=made.verdict,
         sentence="",
         causes=_causes(made, seen),

@@ -164,8 +164,9 @@ def not_fitted_alone(why: Mapping[str, str], others: int) -> Iterator[str]:
 def same_words(pairs: Sequence[tuple[str, str]]) -> tuple[str, ...]:
     """The parameters that no recording like this tells from an effect, and what to do about it."""
     return tuple(
-        f"{effect} and {parameter} do the same here: only what both do together is known, and neither value alone. "
-        f"Give {parameter} a fixed value in robot.toml, or ask again with --without {effect.partition('[')[0]}"
+        f"the effect {effect} and the parameter {parameter} do the same here: only what both do together is known, and "
+        "neither value alone. Give the parameter a fixed value in robot.toml, or ask again with --without "
+        f"{effect.partition('[')[0]}"
         for effect, parameter in pairs
     )
 
@@ -219,18 +220,21 @@ def identifiability_words(
             f"the recording moves {values}, but does not determine {them} better than robot.toml does: a missing "
             f"effect may cause the shift. Measure {them}"
         )
-    exact = [f"{name} ({times(ratio)} times)" for name, ratio in found.held if name not in moved]
+    exact = [f"{name} {times(ratio)} times" for name, ratio in found.held if name not in moved]
     if exact:
         out.append(
             f"robot.toml states {', '.join(exact)} more exactly than the recording tells: the interval is robot.toml's"
         )
-    for up, down in found.together:
-        against = f" against {', '.join(down)}" if down else ""
-        out.append(
-            f"the recording hardly identifies the scale of {', '.join(up)}{against}: the motion hardly changes when "
-            f"they change together. Measure one of them{more}"
-        )
+    unknown = f"the recording does not tell their scale. Measure one of them{more}"
+    out += [f"{_scaled(*one)}: {unknown}" for one in found.together]
     return tuple(out)
+
+
+def _scaled(up: Sequence[str], down: Sequence[str]) -> str:
+    """That parameters which rise and others which fall with them leave the motion as it is."""
+    grow = f"{', '.join(up)} {'grow' if up[1:] else 'grows'}"
+    shrink = f" and {', '.join(down)} {'shrink' if down[1:] else 'shrinks'}" if down else " together"
+    return f"the motion hardly changes when {grow}{shrink}"
 
 
 def _pull(p: Pulled) -> float:
