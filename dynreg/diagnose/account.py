@@ -59,8 +59,7 @@ def account(made: Diagnosed, options: DiagnosisOptions) -> Search[Account]:
     found, problem, judged, seed = made.found, made.problem, made.judged, options.seed
     model, data, posed = found.model, found.data, problem.data
     given, chosen = found.current.hypothesis.given, posed.parts.chosen
-    last = -1 if judged.causes else judged.CALIBRATED
-    three = judged.states[[judged.START, judged.CALIBRATED, last]]
+    three = judged.states[[judged.START, judged.CALIBRATED, judged.last]]
     sample = data.sample(chosen)
     draws = yield from posterior(model, found.current, sample, seed=seed)
     (residual,), (slope,) = yield from sensitivities(model, [found.current], sample)

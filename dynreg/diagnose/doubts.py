@@ -13,9 +13,9 @@ from dynreg.evidence.estimate import EDGE
 from dynreg.evidence.hypothesis import Coordinates, Hypothesis, effect_bounds, weak_coordinate, worth_naming
 from dynreg.evidence.point import Point
 
-PULLED = (
-    3.0  # sigma of its nameplate, beyond which a parameter more likely makes up for something: by contract
-)
+# Sigma of its nameplate, as wide as `DiagnosisOptions.tolerance` makes it, beyond which a parameter more likely makes
+# up for something: by contract.
+PULLED = 3.0
 
 Kind = Literal["pulled", "parameter_at_bound", "size_at_bound", "small", "no_gain", "no_better", "unlike"]
 
@@ -24,13 +24,13 @@ Kind = Literal["pulled", "parameter_at_bound", "size_at_bound", "small", "no_gai
 class Doubt:
     """One reason not to call a cause named.
 
-    kind : "pulled": a parameter had to leave its nameplate by `value` sigma. "parameter_at_bound", "size_at_bound": a
-        parameter, or the size of a cause, ended at the edge of its range, at `value`. "small": after the last fit a
-        cause is under half its weak size; `value` is the size over the weak one. "no_gain": a cause raises the
-        held-out error; `value` is its gain. "no_better": the last simulator errs more on the judged windows than a
-        robot that holds still or just follows its commands; `value` is its error over theirs. "unlike": no simulator
-        with one of the known causes looks like the log; `value` is how much the nearest does, up to 1. A log with
-        several causes looks like none of them.
+    kind : "pulled": a parameter had to leave its nameplate by `value` sigma, as robot.toml states it.
+        "parameter_at_bound", "size_at_bound": a parameter, or the size of a cause, ended at the edge of its range, at
+        `value`. "small": after the last fit a cause is under half its weak size; `value` is the size over the weak one.
+        "no_gain": a cause raises the held-out error; `value` is its gain. "no_better": the last simulator errs more on
+        the judged windows than a robot that holds still or just follows its commands; `value` is its error over theirs.
+        "unlike": no simulator with one of the known causes looks like the log; `value` is how much the nearest does, up
+        to 1. A log with several causes looks like none of them.
     of : the parameter or the key of the cause; "" of the whole simulator.
     """
 
@@ -76,12 +76,10 @@ def stopped_by_bounds(c: Coordinates, point: Point) -> np.ndarray:
 
 
 def _pulled(c: Coordinates, point: Point) -> list[Doubt]:
-    parameters = [c.robot.space.parameters[i] for i in c.free]
-    return [
-        Doubt("pulled", p.name, float(z))
-        for p, z in zip(parameters, point.nominal, strict=True)
-        if np.isfinite(p.tolerance) and abs(z) > PULLED
-    ]
+    far = np.abs(c.pulls(point.nominal, c.tolerance)) > PULLED
+    names = [c.robot.space.parameters[i].name for i in c.free[far]]
+    told = c.pulls(point.nominal)[far]
+    return [Doubt("pulled", name, float(value)) for name, value in zip(names, told, strict=True)]
 
 
 def _of_sizes(point: Point) -> list[Doubt]:
@@ -132,6 +130,6 @@ def replaced(naming: Naming) -> bool:
 
 
 def _no_better(judged: Judged) -> list[Doubt]:
-    """Whether a baseline without a simulator errs less than the extended simulator."""
-    ratio = float(judged.each[-1].mean() / judged.plain.mean()) if judged.plain.mean() > 0 else 0.0
+    """Whether a baseline without a simulator errs less than the simulator that is left."""
+    ratio = float(judged.each[judged.last].mean() / judged.plain.mean()) if judged.plain.mean() > 0 else 0.0
     return [Doubt("no_better", "", ratio)] if ratio > 1 else []

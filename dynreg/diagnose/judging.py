@@ -28,13 +28,15 @@ ITERATIONS = 6  # of the fit without the prior, which begins where that with it 
 class Judged:
     """The predictions on the judged windows: the test part; without one the select part.
 
-    windows : (W,) their numbers. tested : whether anything was held out. states : (n, W, T+1, S) of the initial, the
-    calibrated and the unpenalised simulator, and of that after each cause. each : (n, W) their window errors.
-    errors : (n, C) mean absolute errors of the weighted channels, in their units. held, followed : (C,) the same of
-    the baselines; NaN where a channel has none. plain : (W,) window errors of the better baseline.
+    windows, episode : (W,) their numbers, and those of their episodes. tested : whether anything was held out.
+    states : (n, W, T+1, S) of the initial, the calibrated and the unpenalised simulator, and of that after each cause.
+    each : (n, W) their window errors. errors : (n, C) mean absolute errors of the weighted channels, in their units.
+    held, followed : (C,) the same of the baselines; NaN where a channel has none. plain : (W,) window errors of the
+    better baseline.
     """
 
     windows: np.ndarray
+    episode: np.ndarray
     tested: bool
     states: np.ndarray
     each: np.ndarray
@@ -51,6 +53,11 @@ class Judged:
         return len(self.states) - self.CAUSES
 
     @property
+    def last(self) -> int:
+        """The row of the simulator that is left: with all causes, or without any the calibrated one."""
+        return self.CAUSES + self.causes - 1 if self.causes else self.CALIBRATED
+
+    @property
     def rival(self) -> int:
         """The row of the better calibration."""
         means = self.each[: self.CAUSES].mean(axis=1)
@@ -58,7 +65,7 @@ class Judged:
 
     def gained(self, before: int, after: int) -> Gain | None:
         """The gain of row `after` over row `before`; None where nothing was held out."""
-        return gain(self.each[before], self.each[after]) if self.tested else None
+        return gain(self.each[before], self.each[after], self.episode) if self.tested else None
 
     def of_cause(self, number: int) -> Gain | None:
         """The gain of a cause over the causes before it; of the first over the better calibration."""
@@ -79,7 +86,7 @@ class Judged:
     @property
     def of_all(self) -> Gain | None:
         """The gain of all causes together over the better calibration; None without causes."""
-        return self.gained(self.rival, -1) if self.causes else None
+        return self.gained(self.rival, self.last) if self.causes else None
 
 
 def unpenalised(state: State, posed: Data) -> Search[Point]:
@@ -114,10 +121,13 @@ def judge(model: Model, state: State, loose: Point, posed: Data) -> Search[Judge
     points = [model.start, state.base, loose, *stages(state)]
     states = yield from model.states(points, windows.run.take(judged))
     still, led = held(model.robot, windows)[judged], followed(model.robot, windows, parts.chosen)[judged]
-    errors = channel_errors(windows, np.concatenate([states, [still, led]]), judged)[:, posed.use]
+    errors = channel_errors(windows, np.concatenate([states, [still, led]]), judged)
+    errors[-1, np.isnan(led).all(axis=(0, 1))] = np.nan  # what follows no command has not diverged
+    errors = errors[:, posed.use]
     each = np.stack([posed.window_errors(one, judged) for one in states])
     plain = [posed.window_errors(one, judged) for one in (still, np.where(np.isnan(led), still, led))]
-    return Judged(judged, tested, states, each, errors[:-2], *errors[-2:], min(plain, key=np.mean))
+    plain = min(plain, key=np.mean)
+    return Judged(judged, windows.episode[judged], tested, states, each, errors[:-2], *errors[-2:], plain)
 
 
 def stages(state: State) -> list[Point]:

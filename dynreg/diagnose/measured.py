@@ -8,7 +8,7 @@ from dynreg.sim.robot import Robot
 
 
 def measured_effects(robot: Robot, windows: Windows) -> dict[str, str]:
-    """{effect id: input} of the effects that a measured input of the recording contains.
+    """{effect id: input} of the effects that a measured input contains in these windows.
 
     Only an input that changes within an episode counts: a supply voltage noted once per run gives its level, not its
     sag.

@@ -15,7 +15,7 @@ from dynreg.evidence.hypothesis import Coordinates
 from dynreg.evidence.many import MANY
 from dynreg.evidence.model import Model
 from dynreg.replay.cut import windows
-from dynreg.replay.holes import hit, holes, sentence
+from dynreg.replay.holes import hit, holes, left_out, sentence
 from dynreg.replay.known import known_values
 from dynreg.replay.parts import Parts, parts, thinned
 from dynreg.replay.windows import Windows
@@ -68,7 +68,7 @@ def pose(
 
 
 def _cut(robot: Robot, recording: Recording, options: DiagnosisOptions) -> tuple[Windows, str]:
-    """The recording's windows without gaps, and the text about the gaps ("" without gaps)."""
+    """The recording's windows without gaps, and what to say of gaps and of whole episodes left out ("" without)."""
     horizon = options.horizon or robot.file.replay.horizon or LONGEST
     rate = robot.file.robot.control_rate
     if rate is not None and horizon * rate < 2:
@@ -81,7 +81,9 @@ def _cut(robot: Robot, recording: Recording, options: DiagnosisOptions) -> tuple
     cut = windows(replace(robot, file=robot.file.model_copy(update={"replay": table})), recording)
     lost = holes(robot, recording)
     cut = cut.take(np.flatnonzero(~hit(cut, lost) & _begun_known(robot, cut, options)))
-    why = f": {sentence(recording, lost)}" if lost else ""
+    told = [sentence(recording, lost)] if lost else []
+    told += filter(None, [left_out(robot, recording)])
+    why = f": {'; '.join(told)}" if told else ""
     if len(cut) < 2:
         raise LogError(
             f"the recording makes {len(cut)} rollout of {horizon:g} s{why}",

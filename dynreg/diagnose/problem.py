@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from dynreg.data.recording import Recording
 from dynreg.diagnose.plans import Plan, plan_for
 from dynreg.diagnose.ranking.guide import Guide
 from dynreg.evidence.accuracy import rough
@@ -10,6 +11,7 @@ from dynreg.evidence.data import Data
 from dynreg.evidence.lockstep import Search
 from dynreg.evidence.model import Model
 from dynreg.evidence.slopes import uneven
+from dynreg.replay.parts import untested
 from dynreg.sim.effects import Term
 from dynreg.sim.effects.contact import can_touch
 from dynreg.sim.engine import ENGINES
@@ -27,6 +29,10 @@ class Problem:
     terms: tuple[Term, ...]
     plan: Plan
     guide: Guide | None = None
+
+    def untested(self, recording: Recording) -> Recording:
+        """The rows of its recording that the search may look at: all but the test part."""
+        return untested(self.model.robot, recording, self.data.windows, self.data.parts)
 
 
 def planned(model: Model, data: Data, terms: Sequence[Term]) -> Search[Problem]:

@@ -25,6 +25,7 @@ from dynreg.diagnose.refitted import Fitted, Left, Refits
 from dynreg.diagnose.shared import Shared
 from dynreg.diagnose.threshold import Threshold, known
 from dynreg.diagnose.zeros import zeroed
+from dynreg.errors import LogError, UsageError
 from dynreg.evidence.fit import fit
 from dynreg.evidence.interval import posterior
 from dynreg.evidence.lockstep import Search, together
@@ -35,6 +36,24 @@ from dynreg.sim.robot import Robot
 ROUNDS = 3  # of fits at most: each about what the last one found to differ
 TURNS = 12  # fits about the point that the last one found, at most
 NEAR = 0.25  # standard deviations of the nameplate that the last of them may move a parameter
+
+
+def fit_alone(
+    robot: Robot, recordings: Mapping[str, Recording], options: DiagnosisOptions, answer: SimConfig
+) -> tuple[dict[str, Recording], dict[str, str]]:
+    """The recordings that `with_own_effects` and `refits` can fit each alone, and {name: why not} of the others.
+
+    One may be too short, or a measured input of its own may contain all effects that were asked for.
+    """
+    alone, able, why = replace(options, hold_out="0"), {}, {}
+    for name, one in recordings.items():
+        try:
+            offered(*pose(robot, one, alone, answer), alone)
+        except (LogError, UsageError) as error:
+            why[name] = error.problem
+        else:
+            able[name] = one
+    return able, why
 
 
 def refits(

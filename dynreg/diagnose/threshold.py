@@ -29,6 +29,7 @@ from dynreg.sim.robot import Robot
 
 LEAST = 5.0  # nats: the lowest threshold; the leg on the ground needs it
 USUAL = 20.0  # the threshold without simulations: by contract, about what the benches find (5 to 22)
+FEW = 6  # robots that lower it: a tail of fewer scores than `tail.TAIL`, and the one it begins at, tells no rate
 ALARMS = 0.01  # false-alarm rate of robots without an effect: by contract (bench_naming: 1 of 150)
 # That the rate is no higher, whichever robots were drawn. Of 60 wheels (own simulations) one in ten scores 6 to 19
 # nats: by the mean of the tail, sets of 20 of them put the limit anywhere between 5 and 27 nats.
@@ -96,7 +97,7 @@ def threshold(
     at_once = found_before(problem, recording, options, cache)
     if at_once is not None:
         return at_once
-    noise = own_noise(problem.model.robot, recording)
+    noise = own_noise(problem.model.robot, problem.untested(recording))
     key, told = key_of(problem, noise, runs, options.seed), commands(problem.data)
     report = progress or (lambda *_: None)
     report("threshold", 0, runs)
@@ -109,7 +110,7 @@ def threshold(
     found = Threshold.of(made)
     if cache is not None:
         kept = (cache.cached(KIND, key) or {"found": []})["found"]
-        row = {"commands": told.tolist(), "nats": found.nats, "scores": found.scores, "ratios": found.ratios}
+        row = {"commands": told.tolist(), "scores": found.scores, "ratios": found.ratios}
         cache.cache(KIND, key, {"found": [*kept, row]})
     return found
 
@@ -129,11 +130,11 @@ def found_before(
     runs = options.threshold_runs
     if runs == 0:
         return Threshold(USUAL, ())
-    key = key_of(problem, own_noise(problem.model.robot, recording), runs, options.seed)
+    key = key_of(problem, own_noise(problem.model.robot, problem.untested(recording)), runs, options.seed)
     told = commands(problem.data)
     for one in [] if cache is None else (cache.cached(KIND, key) or {"found": []})["found"]:
         if same(told, np.array(one["commands"])):
-            return Threshold(one["nats"], tuple(one["scores"]), tuple(one["ratios"]), cached=True)
+            return replace(Threshold.of([*zip(one["scores"], one["ratios"], strict=True)]), cached=True)
     return None
 
 
@@ -144,8 +145,8 @@ def known(limit: Threshold) -> Search[Threshold]:
 
 
 def level(scores: Sequence[float]) -> float:
-    """The threshold [nats] for the best scores of robots without an effect."""
-    return max(LEAST, exceeded(scores, ALARMS, CONFIDENCE))
+    """The threshold [nats] for the best scores of robots without an effect; few of them only raise the usual one."""
+    return max(USUAL if len(scores) < FEW else LEAST, exceeded(scores, ALARMS, CONFIDENCE))
 
 
 def null_seed(seed: int, number: int) -> int:

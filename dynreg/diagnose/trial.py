@@ -143,7 +143,8 @@ def null_search(trials: Trials, numbers: Iterable[int]) -> Search[list[tuple[flo
     recording, options = _without_effect(trials)
     problem = yield from posed(trials, recording, options)
     seeds = [null_seed(options.seed, i) for i in numbers]
-    return (yield from nulls_of(problem, own_noise(trials.robot, recording), seeds))
+    noise = own_noise(trials.robot, problem.untested(recording))
+    return (yield from nulls_of(problem, noise, seeds))
 
 
 def _without_effect(trials: Trials) -> tuple[Recording, DiagnosisOptions]:

@@ -54,8 +54,13 @@ class Noise:
 
     @property
     def over(self) -> float:
-        """The ratio over its limit: above 1 it is not explained."""
+        """The ratio over its limit."""
         return self.ratio / self.limit
+
+    @property
+    def explained(self) -> bool:
+        """Whether it is within its limit or, without repeated runs, white."""
+        return self.over <= 1 or (self.basis == "stated_noise" and bool(self.white))
 
 
 @dataclass(frozen=True)
@@ -76,7 +81,7 @@ class Left:
 class Evidence:
     """The residual of the extended simulator on the fit and select parts, and the noise floor of each channel.
 
-    noise : of the channel that lies furthest over its limit. repeats : of every channel, by name.
+    noise : of the channel that says most against the simulator; see `worst`. repeats : of every channel, by name.
     usual : whether simulated robots without an effect leave as much of their stated noise; None where none were
     simulated.
     """
@@ -87,7 +92,7 @@ class Evidence:
 
     @classmethod
     def of(cls, found: State, recording: Recording, usual: Sequence[float] = ()) -> Search["Evidence"]:
-        """Compute the residual on the fit and select parts, and the repeatability on the whole recording.
+        """Compute the residual on the fit and select parts, and the repeatability on what may be read of the recording.
 
         usual : `most_left` of simulated robots without an effect.
         """
@@ -96,17 +101,21 @@ class Evidence:
         left = yield from lefts(found.model, found.current, found.data)
         rows = [noise_of(robot, one, repeats[robot.channels[one.column]], len(left)) for one in left]
         as_usual = most_left(left) <= exceeded(usual, CHANCE) if usual else None
-        return cls(max(rows, key=lambda n: n.over), repeats, as_usual)
+        return cls(worst(rows), repeats, as_usual)
 
     @property
     def explained(self) -> bool:
         """Whether nothing is left to explain.
 
-        Either the residual is within what repeated runs differ by; or without repeated runs within the stated noise, or
-        white; or simulated robots without an effect leave as much.
+        Either the residual of every channel is within what repeated runs differ by, or without repeated runs within the
+        stated noise, or white; or simulated robots without an effect leave as much.
         """
-        white = self.noise.basis == "stated_noise" and bool(self.noise.white)
-        return self.noise.over <= 1 or white or bool(self.usual)
+        return self.noise.explained or bool(self.usual)
+
+
+def worst(rows: Sequence[Noise]) -> Noise:
+    """The channel that says most against a simulator: white noise on another one does not explain it."""
+    return max(rows, key=lambda noise: (not noise.explained, noise.over))
 
 
 def noise_of(robot: Robot, left: Left, known: Repeatability, channels: int) -> Noise:

@@ -64,6 +64,11 @@ class Data:
         return np.flatnonzero(self.parts.select)
 
     @property
+    def open(self) -> Windows:
+        """The windows that are not held out."""
+        return self.windows.take(self.parts.open)
+
+    @property
     def both(self) -> np.ndarray:
         """Numbers of the windows to fit, then of those to select by."""
         return np.concatenate([self.fit, self.select])

@@ -127,9 +127,19 @@ class Coordinates:
         z = np.where(self.log, np.log(safe / np.where(self.log, self.centre, 1.0)), values - self.centre)
         return (z / self.sigma)[..., self.free]
 
+    def pulls(self, z: np.ndarray, tolerance: float = 1.0) -> np.ndarray:
+        """(P',) how far free coordinates (P',) lie from the nameplate, in its sigma; NaN where it states none.
+
+        Whatever these coordinates are about, and however wide their own sigma: `tolerance` is the factor on it here.
+        """
+        nameplate = Coordinates(self.robot, self.known, tolerance=tolerance)
+        stated = np.isfinite([self.robot.space.parameters[i].tolerance for i in self.free])
+        return np.where(stated, nameplate.from_values(self.values(z)), np.nan)
+
     @cached_property
     def scales(self) -> dict[str, np.ndarray]:
-        """{quantity: (A,)} what sizes of effects are multiples of, for each drive; a planar base has no forces."""
+        """{quantity: (A,)} what sizes of effects are multiples of, for each drive, NaN for those that have no such; a
+        planar base has no forces."""
         reach = largest_speeds(self.robot)
         if self.robot.planar:
             return {"1": np.ones(len(reach)), "command": reach}
@@ -151,7 +161,7 @@ class Coordinates:
         return {
             "1": ones,
             "torque": limit,
-            "stiffness": 1.0 / np.maximum(law.stiffness[0], 1e-9),
+            "stiffness": np.divide(1.0, law.stiffness[0], out=np.nan * ones, where=law.stiffness[0] > 0),
             "inertia": inertia,
             "length": lever(self.robot, carrier(self.robot)) * ones,
             "mass": model.body_mass[carrier(self.robot)] * ones,
@@ -164,11 +174,16 @@ class Coordinates:
         return float(self.scales["command" if self.robot.planar else "torque"].mean())
 
     def scale(self, term: Term, parameter: EffectParameter) -> float:
-        """What one medium size of this parameter is, in its unit; the mean over the term's joints."""
+        """What one medium size of this parameter is, in its unit.
+
+        The mean over the term's joints, of those that have such a quantity; where none has, over the robot's.
+        """
         if term.bodies and parameter.per == "length":
             return float(parameter.medium * lever(self.robot, body_at(self.robot, term.bodies)))
         at = self.robot.drives_of(term.joints)
-        return float(parameter.medium * np.mean(self.scales[parameter.per][at]))
+        every = self.scales[parameter.per]
+        own = every[at]
+        return float(parameter.medium * np.nanmean(own if np.isfinite(own).any() else every))
 
     def effect_values(self, hypothesis: Hypothesis, z: np.ndarray) -> list[np.ndarray]:
         """Values (n, K) of each term from effect coordinates (n, sum K)."""

@@ -116,15 +116,19 @@ def run(search: Search[T], *, threads: int = 1) -> T:
     """What a search finds; whatever it asks in one step is simulated as one batch.
 
     threads : of a batch, 0 for all cores; the numbers do not depend on it, nor on what else is in the batch.
+    Linear algebra has one thread meanwhile: with more it would add in another order, and its matrices are small.
     Raises what the search raises, and as `rollouts` does.
     """
+    from threadpoolctl import threadpool_limits
+
     states = None
-    while True:
-        try:
-            asked = search.send(states)
-        except StopIteration as stop:
-            return stop.value
-        states = _answered(asked, threads)
+    with threadpool_limits(1, user_api="blas"):
+        while True:
+            try:
+                asked = search.send(states)
+            except StopIteration as stop:
+                return stop.value
+            states = _answered(asked, threads)
 
 
 def _answered(asked: list[Ask], threads: int) -> list[np.ndarray]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from dynreg.data.gaps import silences
 from dynreg.data.recording import Recording
+from dynreg.replay.rows import rows_of
 from dynreg.replay.windows import Windows
 from dynreg.sim.robot import Robot
 
@@ -61,6 +62,25 @@ def sentence(recording: Recording, found: Sequence[Hole]) -> str:
         f"{longest.channel} has no value in rows {longest.first} to {longest.last} of episode {episode.name!r} "
         f"({begin:.2f} to {end:.2f} s){more}"
     )
+
+
+def left_out(robot: Robot, recording: Recording) -> str:
+    """How many episodes have no row at which a replay can begin, and what they lack, in words; "" for none.
+
+    A start needs every channel that any episode has, whatever its weight: see `Rows.startable`.
+    """
+    rows = rows_of(robot, recording)
+    apart = [number for number, startable in enumerate(rows.startable) if not startable.any()]
+    measured = np.array([np.isfinite(states).any(axis=0) for states in rows.states])
+    lost = [number for number in apart if measured[number].any()]
+    if not lost:
+        return ""
+    lacks = np.flatnonzero((measured.any(axis=0) & ~measured[lost]).any(axis=0))
+    names = ", ".join(robot.channels[column] for column in lacks)
+    why = (
+        f"they lack {names}, which others have" if names else "in no row of theirs all channels have a value"
+    )
+    return f"{len(lost)} of {len(rows)} episodes are left out: {why}"
 
 
 def _empty(time: np.ndarray, known: np.ndarray, begin: int, end: int) -> list[tuple[int, int]]:

@@ -2,16 +2,24 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from dynreg.data.recording import Recording
+from dynreg.replay.residual import missed
 from dynreg.replay.windows import Windows
 from dynreg.rng import stream
 from dynreg.sim.robot import Robot
 
 WINDOWS = 3  # that are drawn,
 POINTS = 300  # of each trace
+LEAST = 3  # episodes (or windows) from which an interval is told
+# Of fewer, the quantiles of a bootstrap are too narrow. With log-normal errors of windows (0.5) and of what a simulator
+# does to them (0.3) its 90 % come true in 60, 77, 82 and 84 % of draws of 3, 5, 8 and 12; by Student's they
+# do in 90, 88, 87 and 86 %.
+MANY = 12
+TINY = 1e-9  # of the mean error: one of a window that counts in a ratio
 
 
 @dataclass(frozen=True)
@@ -28,35 +36,58 @@ class Traced:
 
 @dataclass(frozen=True)
 class Gain:
-    """A relative gain with its 90 % interval; None where there are too few windows for one."""
+    """A relative gain with its 90 % interval over episodes or windows; None where these are too few for one."""
 
     value: float
     low: float | None
     high: float | None
+    over: Literal["episodes", "windows"] | None = None
 
 
-def gain(before: np.ndarray, after: np.ndarray) -> Gain | None:
-    """1 - after / before of errors (W,) by window, with a 90 % bootstrap interval over windows.
+def gain(before: np.ndarray, after: np.ndarray, episode: np.ndarray) -> Gain | None:
+    """1 - after / before of errors (W,) by window, with a 90 % interval over episodes (W,), numbers of the windows'.
 
-    None where there was no error that could be reduced.
+    Windows of an episode err alike, so they are counted together; where they are of fewer than `LEAST` episodes, each
+    counts by itself. None where there was no error that could be reduced.
     """
     if not before.mean() > 0:
         return None
-    value = 1.0 - after.mean() / before.mean()
-    if len(before) < 3:
-        return Gain(value=float(value), low=None, high=None)
+    value = float(1.0 - after.mean() / before.mean())
+    names, groups = np.unique(episode, return_inverse=True)
+    over: Literal["episodes", "windows"] = "episodes" if len(names) >= LEAST else "windows"
+    if over == "episodes":
+        before, after = np.bincount(groups, before), np.bincount(groups, after)
+    if len(before) < LEAST:
+        return Gain(value, None, None)
+    low, high = _student(before, after) if len(before) < MANY else _bootstrap(before, after)
+    return Gain(value, low, high, over)
+
+
+def _student(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
+    """The 90 % interval of 1 - after / before, from how the logarithm of their ratio scatters over few errors (W,)."""
+    from scipy.stats import t
+
+    least = TINY * before.mean()
+    scatter = np.log(np.maximum(after, least) / np.maximum(before, least)).std(ddof=1)
+    half = float(t.ppf(0.95, len(before) - 1) * scatter / np.sqrt(len(before)))
+    left = after.mean() / before.mean()
+    return float(1.0 - left * np.exp(half)), float(1.0 - left * np.exp(-half))
+
+
+def _bootstrap(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
+    """The same from many errors, drawn anew."""
     draws = stream(0, "bootstrap").integers(0, len(before), (2000, len(before)))
     gains = 1.0 - after[draws].mean(axis=1) / before[draws].mean(axis=1)
     low, high = np.quantile(gains, [0.05, 0.95])
-    return Gain(value=float(value), low=float(low), high=float(high))
+    return float(low), float(high)
 
 
 def channel_errors(windows: Windows, states: np.ndarray, chosen: np.ndarray) -> np.ndarray:
     """(n, S) mean absolute error of simulators' states (n, W, T+1, S) in each channel, in its unit.
 
-    Of what was measured in the windows `chosen`; NaN for channels that were not.
+    Of what was measured in the windows `chosen`; NaN for channels that were not. See `residual.missed`.
     """
-    miss = np.abs(states[..., 1:, :] - windows.measured[chosen][:, 1:])
+    miss = missed(states[..., 1:, :], windows.measured[chosen][:, 1:], windows.spread)
     known = np.isfinite(miss)
     count = known.sum(axis=(1, 2))
     return np.where(count > 0, np.where(known, miss, 0.0).sum(axis=(1, 2)) / np.maximum(count, 1), np.nan)

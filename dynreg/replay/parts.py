@@ -1,14 +1,16 @@
 """The parts of a recording: fit and select choose the answer, test is read once, at the end."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
 import numpy as np
 
 from dynreg.data.recording import Episode, Recording
 from dynreg.errors import UsageError
+from dynreg.replay.timed import on_grid
 from dynreg.replay.windows import Windows
 from dynreg.rng import stream
+from dynreg.sim.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -23,6 +25,11 @@ class Parts:
     def chosen(self) -> np.ndarray:
         """Numbers of the windows that the query may look at."""
         return np.flatnonzero(self.fit | self.select)
+
+    @property
+    def open(self) -> np.ndarray:
+        """Numbers of the windows that are not held out, those in no part among them."""
+        return np.flatnonzero(~self.test)
 
 
 def parts(
@@ -105,6 +112,18 @@ def seen(recording: Recording, windows: Windows, chosen: np.ndarray) -> Recordin
         name = e.name if whole else f"{e.name}[{start}:{stop}]"
         episodes.append(Episode(name, e.time[start:stop], e.values[start:stop], e.settings))
     return Recording(recording.channels, tuple(episodes), recording.measured, recording.provenance)
+
+
+def untested(robot: Robot, recording: Recording, windows: Windows, parts: Parts) -> Recording:
+    """The recording without the test part: whole episodes, and of those in which windows are held out the other ones.
+
+    Such pieces have the rows of `timed.on_grid`.
+    """
+    held = np.unique(windows.episode[parts.test])
+    whole = [e for number, e in enumerate(recording.episodes) if number not in held]
+    others = parts.open[np.isin(windows.episode[parts.open], held)]
+    pieces = seen(on_grid(robot, recording), windows, others).episodes if len(others) else ()
+    return replace(recording, episodes=(*whole, *pieces))
 
 
 def _one_of_each_pair(windows: Windows, groups: np.ndarray, mixed: np.ndarray) -> np.ndarray:

@@ -5,6 +5,17 @@ import numpy as np
 MOST = 10.0  # times the motion: the most that any residual counts, and what a diverged simulation does
 
 
+def missed(simulated: np.ndarray, measured: np.ndarray, spread: np.ndarray) -> np.ndarray:
+    """(..., C) size of simulated less measured (..., C), in the channels' units; NaN where not measured.
+
+    A diverged simulation counts as in `scaled`: it would look better than one that errs by much. What did not diverge
+    has no bound here.
+    """
+    with np.errstate(invalid="ignore", over="ignore"):
+        out = np.abs(simulated - measured)
+    return np.where(~np.isfinite(out) & np.isfinite(measured), MOST * spread, out)
+
+
 def scaled(
     simulated: np.ndarray, measured: np.ndarray, spread: np.ndarray, correction: np.ndarray | None = None
 ) -> np.ndarray:

@@ -10,7 +10,8 @@ from dynreg.report.drawing import Track, estimate_track, traces
 from dynreg.report.grid import estimate_table, table
 from dynreg.report.words import NOT_SCORED, channel_words, cost_words, count, held_out_words, interval_words
 from dynreg.results.neighbours import Neighbours
-from dynreg.results.sentence import change, change_interval, gain_words
+from dynreg.results.result import change
+from dynreg.results.sentence import change_interval, gain_words
 
 SHOWN_NEIGHBOURS = 5
 STAGES = {

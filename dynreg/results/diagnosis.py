@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from dynreg.axes import axes_for
 from dynreg.results.posterior import Posterior
 from dynreg.results.refit import Refit
-from dynreg.results.result import Cost, Curves, Estimate, Gain, Interval, Result, plot_curves
+from dynreg.results.result import Cost, Curves, Estimate, Gain, Interval, Result, change, plot_curves
 
 if TYPE_CHECKING:
     import numpy as np
@@ -140,9 +140,10 @@ class Pulled(Estimate):
     """A parameter of the model beside the cause, in the extended simulator (the calibrated one without a cause).
 
     low, high : null where it was not fitted (earlier versions wrote the value there): then `value` is what the
-    simulator at the start has. pulled_sigma : how far it lies from its nameplate, in standard deviations of that; null
-    where none is stated. share : of what calibration gains on the data that it was fitted to, what this parameter makes
-    alone, by its calibrated value in the simulator at the start; null where calibration gains nothing there.
+    simulator at the start has. pulled_sigma : how far it lies from its nameplate, in standard deviations as robot.toml
+    states them, whatever the search began with; null where none is stated. share : of what calibration gains on the
+    data that it was fitted to, what this parameter makes alone, by its calibrated value in the simulator at the start;
+    null where calibration gains nothing there.
     """
 
     low: float | None
@@ -289,8 +290,9 @@ class Diagnosis(Result):
 
     start : from which simulator it began ("nominal", "nearest" or an id); simulator : that one's id, where it has one.
     verdict : of the first cause; "unknown": there is an error that no effect explains; "none": nothing is.
-    sentence : the verdict for a person. gain : of all causes together over the better calibration (with the prior of
-    the nameplate, or without), on the test part; null without causes or where nothing was held out. calibration : of
+    sentence : the verdict for a person. gain : of all causes together over the better calibration, on the test part;
+    null without causes or where nothing was held out. rival : that calibration, with the prior of the nameplate
+    ("calibrated") or without ("unpenalised"); null in documents that were stored before it was told. calibration : of
     the calibrated simulator over that at the start, on the test part. over_start : of the simulator that it leaves (the
     extended one, else the calibrated one) over that at the start; below 0 where that one predicts it better.
     doubts : what speaks against the causes; with any of them the verdict is at most "partly_explained".
@@ -318,6 +320,7 @@ class Diagnosis(Result):
     sentence: str
     causes: tuple[Cause, ...]
     gain: Gain | None = None
+    rival: Literal["calibrated", "unpenalised"] | None = None
     calibration: Gain | None = None
     over_start: Gain | None = None
     doubts: tuple[Doubt, ...] = ()
@@ -469,7 +472,7 @@ class Diagnosis(Result):
 
     def brief(self) -> str:
         causes = " and ".join(cause.key for cause in self.causes)
-        gain = f", held-out error {100 * self.gain.value:.0f} % lower" if self.gain else ""
+        gain = f", held-out error {change(self.gain.value)}" if self.gain else ""
         return f"of {self.recording_name or self.recording[:12]}: {self.verdict} {causes}".rstrip() + gain
 
     def __str__(self) -> str:

@@ -4,7 +4,7 @@ import html
 import json
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict
 from pydantic_core import PydanticSerializationError
@@ -127,16 +127,31 @@ class Curves(Result):
 
 
 class Gain(Result):
-    """A relative gain with a 90 % bootstrap interval over episodes; null where there are too few."""
+    """A relative gain with its 90 % interval; null where the test part has too few windows for one.
+
+    over : what the interval counts: episodes, or their windows where there are fewer than three; null without an
+    interval, for gains of a `compare`, and in documents that were stored before it was told.
+    """
 
     value: float
     low: float | None
     high: float | None
+    over: Literal["episodes", "windows"] | None = None
 
     @property
     def worse(self) -> bool:
         """Whether the error is higher: the interval, where there is one, does not hold 0."""
         return self.value < 0 and (self.high is None or self.high < 0)
+
+
+def change(gain: float) -> str:
+    """A relative gain as the change of an error.
+
+    >>> change(0.31), change(-0.02), change(-0.001)
+    ('31 % lower', '2 % higher', '0.1 % higher')
+    """
+    percent = round(100 * gain) or round(100 * gain, 1)  # on which side of 0 it is decides
+    return f"{abs(percent):g} % {'higher' if percent < 0 else 'lower'}"
 
 
 class Cost(Result):

@@ -24,7 +24,7 @@ from dynreg.results.helped import (
     main_parameters,
 )
 from dynreg.results.refit import Refit
-from dynreg.results.result import Gain
+from dynreg.results.result import Gain, change
 
 NOISE_FLOORS = {
     "repeatability": "the difference of repeated runs",
@@ -86,7 +86,7 @@ def diagnosis_details(of: Diagnosis) -> tuple[str, ...]:
     out = [*_calibration_sentences(of)]
     out += [f"Size of {_effect(cause)}: {_sizes(cause)}." for cause in helping(of)]
     if of.verdict == "none":
-        out.append(f"No cause has the {of.threshold_nats:.3g} nats of evidence that chance alone could give.")
+        out.append(f"No cause has more evidence than chance could give ({of.threshold_nats:.3g} nats).")
         if error.calibrated is not None:
             out.append(
                 f"The calibrated model's error on {error.channel} is {error.calibrated:.3g} {error.unit}."
@@ -173,7 +173,9 @@ def _gain_sentences(of: Diagnosis) -> tuple[str, ...]:
     causes = (
         "all causes" if of.gain and len(of.causes) > 1 else of.causes[0].key if of.causes else "the cause"
     )
-    than = "the calibrated model's" if of.over_start else ""
+    loose = of.rival == "unpenalised"
+    rival = "that of the model calibrated without a prior" if loose else "the calibrated model's"
+    than = rival if of.over_start else ""
     out = [f"With {causes} in the model, the error on held-out data is {gain_words(gain, than)}."]
     if of.over_start and helping(of) and not (of.worse or of.unclear):
         both = f"It is {gain_words(of.over_start, f'that of {of.began}')}."
@@ -204,10 +206,10 @@ def over_start_sentence(of: Diagnosis) -> str:
 
 
 def gain_words(gain: Gain, than: str = "") -> str:
-    """How an error changed, with its 90 % interval; `than` is what it is compared with.
+    """How an error changed, with its 90 % interval and what that counts; `than` is what it is compared with.
 
-    >>> gain_words(Gain(value=0.31, low=0.27, high=0.35))
-    '31 % lower (90 % interval: 27 to 35 % lower)'
+    >>> gain_words(Gain(value=0.31, low=0.27, high=0.35, over="windows"))
+    '31 % lower (90 % interval over windows: 27 to 35 % lower)'
     >>> gain_words(Gain(value=0.06, low=-0.02, high=0.13), "nominal")
     '6 % lower than nominal (90 % interval: 2 % higher to 13 % lower): no clear difference'
     """
@@ -215,17 +217,8 @@ def gain_words(gain: Gain, than: str = "") -> str:
     if gain.low is None or gain.high is None:
         return f"{value} (too few episodes for an interval)"
     unclear = ": no clear difference" if gain.low <= 0 <= gain.high else ""
-    return f"{value} (90 % interval: {change_interval(gain.low, gain.high)}){unclear}"
-
-
-def change(gain: float) -> str:
-    """A relative gain as the change of an error.
-
-    >>> change(0.31), change(-0.02), change(-0.001)
-    ('31 % lower', '2 % higher', '0.1 % higher')
-    """
-    percent = round(100 * gain) or round(100 * gain, 1)  # on which side of 0 it is decides
-    return f"{abs(percent):g} % {'higher' if percent < 0 else 'lower'}"
+    over = f" over {gain.over}" if gain.over else ""
+    return f"{value} (90 % interval{over}: {change_interval(gain.low, gain.high)}){unclear}"
 
 
 def change_interval(low: float, high: float) -> str:

@@ -198,6 +198,8 @@ def diagnose(asked: "Recorded", settings: DiagnoseSettings, progress: Progress |
 
     Raises as `diagnose.diagnose`. The calibrated and the extended simulator are registered.
     """
+    from threadpoolctl import threadpool_limits
+
     from dynreg.diagnose.account import with_account
     from dynreg.diagnose.diagnose import diagnose as find
     from dynreg.evidence.lockstep import counted, run
@@ -218,9 +220,11 @@ def diagnose(asked: "Recorded", settings: DiagnoseSettings, progress: Progress |
     if progress:
         progress(JUDGED, 1, 1)
     parent = begin and begin.id
-    ids = {kind: _register(asked, robot, parent, kind, *one) for kind, one in seen.simulators.items()}
+    made_here = {kind: _register(asked, robot, parent, kind, *one) for kind, one in seen.simulators.items()}
+    ids = {"start": parent} | made_here
     cost = Cost(evaluations=0, rollouts=rollouts, test_rollouts=len(made.judged.states), seconds=0.0)
-    found = document(asked, settings.start, options, made, seen, ids, cost)
+    with threadpool_limits(1, user_api="blas"):  # as in `run`: the same bytes on any number of threads
+        found = document(asked, settings.start, options, made, seen, ids, cost)
     again = 0
     if asked.each:
         found, again = _told_apart(asked, found, options, progress)
@@ -265,17 +269,24 @@ def _told_apart(
 ) -> "tuple[Diagnosis, int]":
     """The verdict over several recordings, with values that are the same in all of them and values that differ.
 
-    And how many simulations that took.
+    And how many simulations that took. A recording that cannot be fitted alone has a note in place of its values.
     """
-    from dynreg.diagnose.refit import refits, with_own_effects
+    from dynreg.diagnose.refit import fit_alone, refits, with_own_effects
     from dynreg.evidence.lockstep import counted, run
     from dynreg.results.sentence import diagnosis_sentence
+    from dynreg.verbs.diagnosis_words import not_fitted_alone
     from dynreg.verbs.refits import told
     from dynreg.verbs.simulators import stored
 
-    each = {one.name: one.recording for one in asked.each}
+    every = {one.name: one.recording for one in asked.each}
     identity = found.extended_simulator or found.calibrated_simulator
     answer = stored(asked.registry, "simulator", identity, asked.robot).config
+    each, why = fit_alone(asked.robot, every, options, answer)
+    found = found.model_copy(
+        update={"recordings": tuple(every), "notes": (*found.notes, *not_fitted_alone(why, len(each)))}
+    )
+    if len(each) < 2:
+        return found, 0
     report = progress or (lambda *_: None)
     report("each recording", 0, 2)
     how = {"options": options, "limit": found.threshold_nats}
@@ -284,8 +295,7 @@ def _told_apart(
     report("each recording", 1, 2)
     same, many = run(counted(refits(asked.robot, each, answer=answer, **how)), threads=options.threads)
     report("each recording", 2, 2)
-    stable = tuple(told(one) for one in same.each)
-    found = found.model_copy(update={"recordings": tuple(each), "stable": stable})
+    found = found.model_copy(update={"stable": tuple(told(one) for one in same.each)})
     return found.model_copy(update={"sentence": diagnosis_sentence(found)}), alone + many
 
 

@@ -67,7 +67,10 @@ def document(
     ids: dict[str, str | None],
     cost: Cost,
 ) -> Diagnosis:
-    """The diagnosis of a recording, which began with the simulator `start`; ids : of the simulators, by kind."""
+    """The diagnosis of a recording, which began with the simulator `start`.
+
+    ids : of the simulators, by kind; "start" is None where it has none.
+    """
     model, found, errors = made.problem.model, made.found, _errors(made)
     of_robot = parameters(model, found.current, seen)
     limit, spread = made.threshold, made.problem.data.spread
@@ -80,17 +83,18 @@ def document(
         recording=asked.recording.id,
         recording_name=asked.name or asked.recording.id[:12],
         start=start,
-        simulator=None,
+        simulator=ids["start"],
         verdict=made.verdict,
         sentence="",
         causes=_causes(made, seen),
         gain=_gain(judged.of_all),
+        rival="unpenalised" if judged.rival == judged.UNPENALISED else "calibrated",
         calibration=_gain(judged.gained(judged.START, judged.CALIBRATED)),
-        over_start=_gain(judged.gained(judged.START, -1 if judged.causes else judged.CALIBRATED)),
+        over_start=_gain(judged.gained(judged.START, judged.last)),
         doubts=tuple(Doubt(**vars(one)) for one in made.doubts),
         ranking=_ranking(made),
         threshold_nats=limit.nats,
-        threshold=Threshold(runs=len(limit.scores), cached=limit.cached, note=threshold_note(made)),
+        threshold=Threshold(runs=len(limit.scores), cached=limit.cached, note=threshold_note(limit.scores)),
         parameters=of_robot,
         posterior=posterior_told(
             gaussian(model.coordinates, found.current, seen.draws, seen.unidentified.alone)
@@ -178,7 +182,7 @@ def _errors(made: Diagnosed) -> tuple[RolloutError, ...]:
     """Errors of every weighted channel."""
     robot, judged = made.problem.model.robot, made.judged
     rows = dict(zip((*NAMES[:2], "unpenalised"), judged.errors, strict=False))
-    rows["extended"] = judged.errors[-1] if judged.causes else rows["calibrated"]
+    rows["extended"] = judged.errors[judged.last]
     rows |= {"held": judged.held, "followed": judged.followed}
     return tuple(
         RolloutError(
@@ -198,10 +202,10 @@ def parameters(model: Model, point: Point, seen: Account) -> dict[str, Pulled]:
     stopped = dict(zip(c.free.tolist(), stopped_by_bounds(c, point).tolist(), strict=True))
     value = c.values(np.clip(point.nominal, *c.nominal_bounds.T))
     low, high = draws.quantiles(c.values(draws.z[:, : len(point.nominal)]))
-    out = {}
+    pulls, out = c.pulls(point.nominal), {}
     for i, p in enumerate(model.robot.space.parameters):
         free = np.flatnonzero(c.free == i)
-        pull = float(point.nominal[free[0]]) if len(free) and np.isfinite(p.tolerance) else None
+        pull = float(pulls[free[0]]) if len(free) and np.isfinite(p.tolerance) else None
         out[p.name] = Pulled(
             value=float(value[i] if len(free) else simulator[i]),
             low=float(min(low[i], value[i])) if len(free) else None,

@@ -13,10 +13,11 @@ from dynreg.diagnose.measured import measured_effects
 from dynreg.diagnose.noise import own_noise
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.problem import Problem
+from dynreg.diagnose.threshold import FEW, USUAL
 from dynreg.diagnose.verdict import rivals
 from dynreg.diagnose.where import ErrorRow
 from dynreg.errors import command
-from dynreg.replay.holes import holes, sentence
+from dynreg.replay.holes import holes, left_out, sentence
 from dynreg.results.diagnosis import Pulled
 from dynreg.results.sentence import times
 from dynreg.sim.robot import Robot
@@ -76,7 +77,7 @@ def inputs(problem: Problem, recording: Recording) -> tuple[str, ...]:
             )
         elif table.optional:
             out.append(f"{table.name} was not measured: {table.nominal:g} {table.unit} is assumed")
-    for name, by in measured_effects(problem.model.robot, problem.data.windows).items():
+    for name, by in measured_effects(problem.model.robot, problem.data.open).items():
         out.append(f"{name} is not a candidate: the measured input {by} already contains it")
     return tuple(out)
 
@@ -93,6 +94,8 @@ def notes(
     lost = holes(made.problem.model.robot, recording)
     if lost:
         out.append(f"{sentence(recording, lost)}. Rollouts over such rows are left out")
+    if some := left_out(made.problem.model.robot, recording):
+        out.append(f"{some}. Log the same channels in all of them")
     given = made.found.base.hypothesis.terms
     if given:
         out.append(
@@ -114,7 +117,7 @@ def notes(
         )
     robot = made.problem.model.robot
     stated = dict(zip(robot.channels, robot.sensor_noise, strict=True))
-    for name, sigma in own_noise(robot, recording).items():
+    for name, sigma in own_noise(robot, made.problem.untested(recording)).items():
         out.append(
             f"the noise of {name} is about {sigma / stated[name]:.0f} times the value in robot.toml: correct it there"
         )
@@ -150,11 +153,20 @@ def not_driven(robot: Robot, rows: Sequence[ErrorRow]) -> Iterator[str]:
         )
 
 
+def not_fitted_alone(why: Mapping[str, str], others: int) -> Iterator[str]:
+    """A line on each of several recordings that could not be fitted alone, by name; others : how many could."""
+    for name, problem in why.items():
+        yield f"{name} was not fitted alone: {problem}"
+    if why and others < 2:
+        yield "so nothing tells what is the same in all: cut shorter rollouts with --horizon, or record longer"
+
+
 def same_words(pairs: Sequence[tuple[str, str]]) -> tuple[str, ...]:
     """The parameters that no recording like this tells from an effect, and what to do about it."""
     return tuple(
-        f"{effect} and {parameter} do the same here: only what both do together is known, and neither value alone. "
-        f"Give {parameter} a fixed value in robot.toml, or ask again with --without {effect.partition('[')[0]}"
+        f"the effect {effect} and the parameter {parameter} do the same here: only what both do together is known, and "
+        "neither value alone. Give the parameter a fixed value in robot.toml, or ask again with --without "
+        f"{effect.partition('[')[0]}"
         for effect, parameter in pairs
     )
 
@@ -208,18 +220,21 @@ def identifiability_words(
             f"the recording moves {values}, but does not determine {them} better than robot.toml does: a missing "
             f"effect may cause the shift. Measure {them}"
         )
-    exact = [f"{name} ({times(ratio)} times)" for name, ratio in found.held if name not in moved]
+    exact = [f"{name} {times(ratio)} times" for name, ratio in found.held if name not in moved]
     if exact:
         out.append(
             f"robot.toml states {', '.join(exact)} more exactly than the recording tells: the interval is robot.toml's"
         )
-    for up, down in found.together:
-        against = f" against {', '.join(down)}" if down else ""
-        out.append(
-            f"the recording hardly identifies the scale of {', '.join(up)}{against}: the motion hardly changes when "
-            f"they change together. Measure one of them{more}"
-        )
+    unknown = f"the recording does not tell their scale. Measure one of them{more}"
+    out += [f"{_scaled(*one)}: {unknown}" for one in found.together]
     return tuple(out)
+
+
+def _scaled(up: Sequence[str], down: Sequence[str]) -> str:
+    """That parameters which rise and others which fall with them leave the motion as it is."""
+    grow = f"{', '.join(up)} {'grow' if up[1:] else 'grows'}"
+    shrink = f" and {', '.join(down)} {'shrink' if down[1:] else 'shrinks'}" if down else " together"
+    return f"the motion hardly changes when {grow}{shrink}"
 
 
 def _pull(p: Pulled) -> float:
@@ -254,15 +269,17 @@ def excite_command(robot: str, first: str, second: str) -> str:
     return command("excite", robot, "--for", f"{first},{second}", "-o", "next.csv")
 
 
-def threshold_note(made: Diagnosed) -> str:
-    """How the threshold was found."""
-    scores = made.threshold.scores
+def threshold_note(scores: Sequence[float]) -> str:
+    """How the threshold was found, from the best scores [nats] of simulated robots without an effect."""
     if not scores:
         return "a default: this robot was not simulated without effects"
+    many = f"{len(scores)} simulated robot{'s' * (len(scores) > 1)} without an effect"
+    reached = f"{many} reached at most {max(scores):.3g} nats under these commands"
+    if len(scores) < FEW:
+        return f"{reached}: too few to set one below the usual {USUAL:.3g} nats, which takes {FEW} of them"
     return (
-        f"{len(scores)} simulated robots without an effect reached at most {max(scores):.3g} nats under these "
-        "commands. With 80 % confidence at most 1 in 100 of them would exceed the threshold, by their largest scores. "
-        "More runs make it more certain"
+        f"{reached}. With 80 % confidence at most 1 in 100 of them would exceed the threshold, by their largest "
+        "scores. More runs make it more certain"
     )
 
 

@@ -22,7 +22,7 @@ from dynreg.results.neighbours import (
     Synthesised,
     Trace,
 )
-from dynreg.results.result import Cost, Estimate
+from dynreg.results.result import Cost, Estimate, Gain
 from dynreg.sim.config import SimConfig
 from dynreg.verbs.held_out import held_out_notes
 from dynreg.verbs.posteriors import posterior_told
@@ -115,6 +115,15 @@ def unjudged(subject: Subject) -> Neighbours:
     )
 
 
+def _gain(case: Case, chosen: Choice) -> Gain | None:
+    """By how much the answer lowers the nominal simulator's error on the test part; None without one."""
+    test = case.data.parts.test
+    if not test.any():
+        return None
+    found = gain(chosen.tests[0], chosen.tests[chosen.answer], case.data.windows.episode[test])
+    return found and Gain(**vars(found))
+
+
 def judged(subject: Subject, chosen: Choice) -> Neighbours:
     """The answer that the replays chose, and its error on the held-out part."""
     case, replays, answer = subject.case, chosen.replays, chosen.answer
@@ -136,7 +145,7 @@ def judged(subject: Subject, chosen: Choice) -> Neighbours:
         answer_parameters=space.as_dict(case.data.values_of(replays.unit[answer])),
         nominal=subject.nominal(float(score[0])),
         stages=_stages(subject, chosen, simulators),
-        gain=gain(chosen.tests[0], chosen.tests[answer]) if case.data.parts.test.any() else None,
+        gain=_gain(case, chosen),
         channels=_channels(case, chosen),
         traces=_traces(case, chosen),
         fits=chosen.judgement.fits,

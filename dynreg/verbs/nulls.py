@@ -63,7 +63,8 @@ def null_of_diagnosis(
 
         def found() -> "Search[list[tuple[float, float]]]":
             problem = yield from posed(built, asked, how, begun, held)
-            return (yield from nulls_of(problem, own_noise(built, asked), [null_seed(how.seed, number)]))
+            noise = own_noise(built, problem.untested(asked))
+            return (yield from nulls_of(problem, noise, [null_seed(how.seed, number)]))
 
         return ran(found(), threads)
 

@@ -48,6 +48,7 @@ def test_where_the_simulator_has_the_only_cause_already_nothing_is_missing(robot
         found = registry.diagnose(name, start=start, hold_out="test_0", **given)
         calibrated = registry.registry.simulator(found.calibrated_simulator)["effects"]
     assert found.verdict == "none" and not found.causes and found.extended_simulator is None
+    assert found.simulator == start, "it was null for every start"
     assert not {"cogging"} & {r.effect for r in found.ranking}
     (size, *_), (true, *_) = calibrated["cogging"].values(), hidden.values[0]
     assert size == pytest.approx(true, rel=0.1), "fitted anew: it began 20 % too large"

@@ -1,5 +1,7 @@
 """The four verdicts: what is left against what cannot be explained, and whether a rival is as good."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -14,6 +16,7 @@ from dynreg.diagnose.verdict import (
     remaining,
     rivals,
     verdict_of,
+    worst,
 )
 from dynreg.evidence.hypothesis import Hypothesis
 from dynreg.evidence.point import Point
@@ -61,6 +64,18 @@ def test_without_repeated_runs_a_white_rest_counts_as_explained():
     assert verdict_of(leg, evidence(far, "stated_noise", True), rounds, 1) == "named"
     assert verdict_of(leg, evidence(far, "stated_noise", False), rounds, 1) == "partly_explained"
     assert verdict_of(leg, evidence(far, "repeatability", True), rounds, 1) == "partly_explained"
+
+
+def test_white_noise_on_one_channel_does_not_explain_another():
+    """That furthest over its limit alone was asked: white there, an error on the other one passed for explained."""
+    white, other = (
+        evidence(times * EXPLAINED, "stated_noise", white).noise
+        for times, white in ((3.0, True), (2.9, False))
+    )
+    assert worst([white, other]) is worst([other, white]) is other
+    assert not Evidence(worst([white, other]), {}).explained
+    both = [white, replace(other, white=True)]
+    assert worst(both) is white and Evidence(worst(both), {}).explained
 
 
 def test_rivals_leave_the_exact_group_out():

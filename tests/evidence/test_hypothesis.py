@@ -9,6 +9,7 @@ from dynreg.evidence.hypothesis import Coordinates, Hypothesis, single_terms, wo
 from dynreg.sim.effects import one_group, term
 from dynreg.sim.ports import UNLIMITED
 from dynreg.sim.robot import Robot, load_robot
+from dynreg.sim.spec import TorqueDrive
 
 
 @pytest.mark.parametrize(
@@ -68,3 +69,20 @@ def test_a_command_range_of_angles_is_no_torque():
         for d, a in zip(robot.file.drives * 3, robot.file.actions, strict=True)
     ]
     assert (torque < 0.5 * np.array(told)).all()
+
+
+def test_a_compliance_goes_by_the_joints_whose_drives_have_a_stiffness():
+    """Beside a drive that is told a torque, its medium size was 1.9e7 rad/(N*m)."""
+    robot = load_robot("two_joint_arm")
+    first, second = robot.file.drives
+    told = TorqueDrive(type="torque", joint=second.joint, torque_limit=second.torque_limit)
+    mixed = replace(robot, file=robot.file.model_copy(update={"drives": [first, told]}))
+    servo, other = mixed.joints
+    keys = {t.key for t in single_terms(mixed, ("joint_elasticity", "viscous_friction"))}
+    assert f"joint_elasticity[{servo}]" in keys and f"viscous_friction[{other}]" in keys
+    assert f"joint_elasticity[{other}]" not in keys
+    c, whole = (Coordinates(one, np.full(len(one.space), np.nan)) for one in (mixed, robot))
+    size = term("joint_elasticity").effect.size
+    alone = whole.scale(term(f"joint_elasticity[{servo}]"), size)
+    assert c.scale(term("joint_elasticity"), size) == pytest.approx(alone)
+    assert c.scale(term(f"joint_elasticity[{other}]"), size) == pytest.approx(alone)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from by_hand import answered, first_channel, held_against_zero, plain
 from legs import in_the_air, over_its_stop
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from dynreg.evidence import lockstep
 from dynreg.evidence.accuracy import rough
@@ -139,3 +140,15 @@ def test_what_takes_long_is_asked_in_parts_and_finds_the_same(
     found, many = run(counted(searches()[name](), counts.append))
     assert told(found) == alone()[name]
     assert counts[-1] == many and counts[0] == 3 and set(np.diff(counts).tolist()) <= {1, 2, 3}
+
+
+def test_linear_algebra_has_one_thread_while_a_search_runs() -> None:
+    """A ranking by simulators with one effect each said other numbers on one core and on two."""
+    many = lambda: {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}  # noqa: E731
+
+    def search() -> Search[set[int]]:
+        return many()
+        yield []
+
+    with threadpool_limits(2, user_api="blas"):
+        assert run(search()) == {1} and many() == {2}

@@ -171,9 +171,10 @@ def test_channels_and_traces_tell_of_the_held_out_part(asked):
 
 def test_a_gain_is_uncertain_by_its_windows():
     before = np.array([1.0, 1.1, 0.9, 1.0, 1.2, 0.8])
-    sure = gain(before, 0.5 * before)
+    each = np.arange(6)
+    sure = gain(before, 0.5 * before, each)
     assert sure.value == sure.low == sure.high == pytest.approx(0.5)
-    unsure = gain(before, np.array([0.1, 1.0, 0.2, 1.1, 0.1, 0.5]))
+    unsure = gain(before, np.array([0.1, 1.0, 0.2, 1.1, 0.1, 0.5]), each)
     assert unsure.low < unsure.value < unsure.high <= 1
-    few = gain(before[:2], before[:2] / 4)
+    few = gain(before[:2], before[:2] / 4, each[:2])
     assert few.value == pytest.approx(0.75) and few.low is None and few.high is None

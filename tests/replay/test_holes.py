@@ -7,9 +7,11 @@ import pytest
 import secret_servo
 
 from dynreg.data.recording import Episode, Recording
-from dynreg.errors import UsageError
+from dynreg.diagnose.options import DiagnosisOptions
+from dynreg.diagnose.pose import pose
+from dynreg.errors import LogError, UsageError
 from dynreg.replay.cut import windows
-from dynreg.replay.holes import Hole, hit, holes, sentence
+from dynreg.replay.holes import Hole, hit, holes, left_out, sentence
 from dynreg.replay.parts import parts
 from dynreg.sim.robot import Robot, load_robot
 
@@ -74,6 +76,29 @@ def test_what_an_episode_lacks_altogether(robot, recording):
     assert holes(robot, emptied(recording, (3, "supply", everything))) == (Hole("supply", 3, 0, 60),)
     unmeasured = emptied(recording, *((3, name, everything) for name in recording.names))
     assert holes(robot, unmeasured) == (), "there is nothing to be held against"
+
+
+def test_episodes_without_a_channel_that_others_have_are_said_to_be_left_out(robot, recording):
+    """Seven of ten were, of weight 0 as this is, and nobody was told."""
+    light = [
+        c.model_copy(update={"weight": 0.0 if c.name == "arm/velocity" else c.weight})
+        for c in robot.file.channels
+    ]
+    robot = replace(robot, file=robot.file.model_copy(update={"channels": light}))
+    assert left_out(robot, recording) == ""
+    some = emptied(recording, *((number, "arm/velocity", slice(None)) for number in (1, 3)))
+    assert windows(robot, some).episode.tolist() == [0, 2, 4]
+    assert left_out(robot, some) == "2 of 5 episodes are left out: they lack arm/velocity, which others have"
+    with pytest.raises(
+        LogError, match="the recording makes 1 rollout.*: 4 of 5 episodes are left out: they lack arm"
+    ):
+        pose(
+            robot,
+            emptied(recording, *((n, "arm/velocity", slice(None)) for n in range(4))),
+            DiagnosisOptions(),
+        )
+    every = emptied(recording, *((number, "arm/velocity", slice(None)) for number in range(5)))
+    assert left_out(robot, every) == "" and len(windows(robot, every)) == 5
 
 
 def test_inputs_hold_where_they_hold_no_number(robot, recording):

@@ -1,6 +1,7 @@
 """Fit, select and test part the windows of a recording, by trajectory."""
 
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,8 +10,9 @@ from hypothesis import strategies as st
 
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.errors import UsageError
-from dynreg.replay.parts import names, parts, seen
+from dynreg.replay.parts import Parts, names, parts, seen, untested
 from dynreg.replay.windows import Windows
+from dynreg.sim.robot import load_robot
 from dynreg.sim.run import Run
 
 ROWS = 11  # of a window; windows in a row share one
@@ -126,3 +128,17 @@ def test_repeated_commands_are_parted_between_fit_and_select():
         np.testing.assert_array_equal(split.fit, ~split.select)
     split = parts(recording, windows, "e0,e1,e2", paired=True)
     assert split.test.sum() == 3 and split.select.sum() == 4 and split.fit.sum() == 5, "the odd one is fitted"
+
+
+def test_what_is_not_held_out_is_whole_episodes_and_the_other_windows_of_a_part_of_one():
+    recording, windows = made([2, 1, 3])
+    test = np.array([False, False, True, False, True, False])
+    split = Parts(~test, np.zeros_like(test), test)
+    found = untested(load_robot("servo_pendulum"), recording, windows, split)
+    assert [(e.name, len(e.time)) for e in found.episodes] == [
+        ("e0", 21),
+        ("e2[0:11]", 11),
+        ("e2[20:31]", 11),
+    ]
+    nothing = replace(split, test=np.zeros_like(test))
+    assert untested(load_robot("servo_pendulum"), recording, windows, nothing).episodes == recording.episodes

@@ -197,7 +197,7 @@ def test_the_threshold_says_where_it_comes_from() -> None:
     usual = result.model_copy(update={"threshold": Threshold(runs=0)})
     assert threshold_words(usual) == "A cause needs 18.4 nats, the usual threshold."
     assert unsaid(usual)[-1] == (
-        "The threshold is the usual one. To have simulations of this robot set it, leave out --threshold-runs 0."
+        "The threshold is the usual one. Leave out --threshold-runs 0 to let simulations of this robot set it."
     )
 
 

@@ -6,7 +6,7 @@ import made_up_diagnosis
 import pytest
 from pydantic import ValidationError
 
-from dynreg.results import Diagnosis, EffectsList, cause_key
+from dynreg.results import Diagnosis, EffectsList, Gain, cause_key
 
 VERDICTS = ("named", "ambiguous", "partly_explained", "unknown", "none")
 
@@ -95,3 +95,9 @@ def test_the_library_says_whether_a_robot_can_have_an_effect_only_where_one_is_n
     for robot in ("servo_pendulum", None):
         listed: EffectsList = made_up_diagnosis.effects_list(robot)
         assert all((e.applies is None) == (robot is None) for e in listed.effects)
+
+
+def test_a_gain_below_nothing_is_a_higher_error_in_the_line_of_a_list() -> None:
+    found = made_up_diagnosis.diagnosis("named")
+    worse = found.model_copy(update={"gain": Gain(value=-0.05, low=-0.08, high=-0.01)})
+    assert worse.brief().endswith("named load_friction[arm], held-out error 5 % higher")

@@ -211,6 +211,11 @@ def test_the_gain_of_a_cause_says_over_which_simulator() -> None:
         " model's (90 % interval: 27 to 35 % lower)." in details
     )
     assert "It is 92 % lower than that of the nominal simulator (90 % interval: 90 to 94 % lower)." in details
+    loose = with_over_start("named", MOST).model_copy(update={"rival": "unpenalised"})
+    assert any(
+        "31 % lower than that of the model calibrated without a prior (" in line
+        for line in diagnosis_details(loose)
+    ), "the better calibration is not always that of the table's first row"
 
 
 @pytest.mark.parametrize(

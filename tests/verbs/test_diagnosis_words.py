@@ -7,7 +7,7 @@ from dynreg.evidence import model
 from dynreg.results.diagnosis import Pulled
 from dynreg.sim.robot import load_robot
 from dynreg.verbs.diagnose import MANY, DiagnoseSettings, faster, first_command
-from dynreg.verbs.diagnosis_words import at_the_edge, identifiability_words
+from dynreg.verbs.diagnosis_words import at_the_edge, identifiability_words, threshold_note
 
 
 @pytest.mark.parametrize(
@@ -72,3 +72,11 @@ def test_a_wider_range_is_asked_for_at_the_edge_of_one() -> None:
         "damping, mass are at the edge of the allowed range: widen the range in robot.toml"
     )
     assert not [*at_the_edge([])]
+
+
+def test_a_threshold_of_few_robots_claims_no_rate_of_false_alarms() -> None:
+    assert "80 % confidence" in threshold_note([0.0, 3.1, 1.0, 0.2, 0.3, 0.4])
+    assert threshold_note([3.14]) == (
+        "1 simulated robot without an effect reached at most 3.14 nats under these commands: too few to set one below "
+        "the usual 20 nats, which takes 6 of them"
+    )

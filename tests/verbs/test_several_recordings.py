@@ -105,6 +105,26 @@ def test_a_simulator_of_all_is_fitted_to_each(registry: Session, found: Diagnosi
     assert made.fitted_to is None, "it has seen b, and nothing says which part"
 
 
+def test_recordings_that_are_too_short_alone_keep_the_joint_answer_and_get_a_note(
+    registry: Session, tmp_path: Path
+) -> None:
+    """One episode of 2 s makes one rollout of 10 s: the whole search ran, and then its answer was lost."""
+    whole = registry.recording("a")
+    with dynreg.open(tmp_path / "registry") as session:
+        for name, source in (("long", "a"), ("longer", "c")):
+            session.ingest(registry.recording(source), "servo_pendulum", name=name)
+        for name, episode in zip("wxyz", whole.episodes, strict=False):
+            cut = replace(episode, time=episode.time[:201], values=episode.values[:201])
+            session.ingest(replace(whole, episodes=(cut,)), "servo_pendulum", name=name)
+        short = session.diagnose(["w", "x", "y", "z"], **QUICK, horizon=10.0)
+        mixed = session.diagnose(["long", "w", "longer"], **QUICK, horizon=2.5)
+    assert short.recordings == ("w", "x", "y", "z") and short.stable == ()
+    assert "w was not fitted alone: the recording makes 1 rollout of 10 s" in short.notes
+    assert short.notes[-1].startswith("so nothing tells what is the same")
+    assert {*mixed.stable[0].values} == {"long", "longer"}
+    assert mixed.notes[-1].startswith("w was not fitted alone")
+
+
 def test_one_recording_twice_and_other_verbs_are_refused(registry: Session) -> None:
     with pytest.raises(UsageError, match="recording 'a' is named twice"):
         registry.diagnose(["b", "a", "a"], **QUICK)

@@ -5,6 +5,7 @@ from typing import Any
 
 from dynreg.report.diagnosis.words import (
     PART,
+    SHOWN_RANKS,
     VERDICTS,
     details,
     diagnosis_steps,
@@ -24,7 +25,6 @@ from dynreg.report.words import held_out_words, interval_text, interval_words, n
 from dynreg.results.diagnosis import Cause, Diagnosis, Ranked, RolloutError, Where
 from dynreg.results.sentence import over_start_sentence, times
 
-SHOWN_RANKS = 8
 SHOWN_CHANNELS = 10
 FEW_CHANNELS = 3  # as many stand side by side on a phone
 SIMULATORS = ("nominal", "calibrated", "extended")

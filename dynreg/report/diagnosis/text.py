@@ -5,6 +5,7 @@ from rich.text import Text
 
 from dynreg.report.diagnosis.words import (
     PART,
+    SHOWN_RANKS,
     as_given,
     details,
     diagnosis_steps,
@@ -24,7 +25,6 @@ from dynreg.report.words import held_out_words, interval, interval_text, interva
 from dynreg.results.diagnosis import Diagnosis
 from dynreg.results.sentence import over_start_sentence
 
-SHOWN_RANKS = 8
 SHOWN_CHANNELS = 8
 ERRORS = {  # columns of the table of errors, and those of them that older results lack
     "nominal": "nominal",

@@ -31,6 +31,7 @@ FLOORS = {
     "repeatability": "the difference of repeated runs",
     "stated_noise": "the error from the sensor's stated noise",
 }
+SHOWN_RANKS = 8  # of the ranking, in tables and on a page
 PART = {"test": "held-out test part", "select": "select part", "fit": "fit part"}
 SHOWN_JOINTS = 6
 ROUNDING = 1e-6  # a value passes through the coordinates of a fit and back
@@ -174,7 +175,7 @@ def unsaid(result: Diagnosis) -> tuple[str, ...]:
         said.append("Nothing was held out: the errors are of the data that chose the causes.")
     if not result.threshold.runs:
         said.append(
-            "The threshold is the usual one. To have simulations of this robot set it, leave out --threshold-runs 0."
+            "The threshold is the usual one. Leave out --threshold-runs 0 to let simulations of this robot set it."
         )
     return tuple(said)
 

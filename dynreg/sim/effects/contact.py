@@ -32,7 +32,7 @@ class GroundFriction(_OnGround):
     separate_by = "pull the standing robot sideways with a spring scale, on each ground"
 
     def configure(self, site: Site, p: Values) -> None:
-        _scale(site, "geom_friction", 1.0 + p["change"])
+        _scale(site, "geom_friction", 1.0 + p["change"], touching_geoms(site.robot))
 
 
 class SecondFrictionMaterial(_OnGround):
@@ -86,7 +86,10 @@ class SecondFrictionMaterial(_OnGround):
 
 
 class ContactCompliance(_OnGround):
-    """Softer ground: the time constant of contacts grows by a factor 1 + softening."""
+    """Softer ground: the time constant of contacts grows by a factor 1 + softening.
+
+    Of geoms whose solref is direct (minus stiffness, minus damping) both fall so that it does.
+    """
 
     id, title = "contact_compliance", "the ground or the feet are softer"
     parameters = (EffectParameter("softening", "1", "of the contact's time constant", 0.5, 1.5, 3.0, 10.0),)
@@ -94,7 +97,14 @@ class ContactCompliance(_OnGround):
     separate_by = "press the standing robot down with a known mass and log its height"
 
     def configure(self, site: Site, p: Values) -> None:
-        _scale(site, "geom_solref", 1.0 + p["softening"])
+        geoms, factor = touching_geoms(site.robot), 1.0 + p["softening"]
+        direct = site.robot.model.geom_solref[geoms, 0] < 0.0
+        _scale(site, "geom_solref", factor, geoms[~direct])
+        if (
+            direct.any()
+        ):  # by MuJoCo's "Solver parameters" stiffness goes with the constant's square, damping with it
+            _scale(site, "geom_solref", factor**-2.0, geoms[direct])
+            _scale(site, "geom_solref", factor**-1.0, geoms[direct], column=1)
 
 
 def touching_geoms(robot: Robot) -> np.ndarray:
@@ -150,8 +160,8 @@ def unlike_materials(robot: Robot) -> dict[str, np.ndarray]:
     return {name: geoms for name, geoms in touching.items() if 0 < len(geoms) < len(own)}
 
 
-def _scale(site: Site, field: str, factor: np.ndarray) -> None:
-    """Multiply the first number of a field of all geoms that touch by (rows, 1) factors."""
+def _scale(site: Site, field: str, factor: np.ndarray, geoms: np.ndarray, column: int = 0) -> None:
+    """Multiply a number (its column) of a field of some geoms by (rows, 1) factors."""
     array = site.expand(field)
-    where = np.ix_(np.arange(len(array))[site.rows], touching_geoms(site.robot), [0])
+    where = np.ix_(np.arange(len(array))[site.rows], geoms, [column])
     array[where] = array[where] * factor[:, :, None]

@@ -14,6 +14,7 @@ import numpy as np
 
 from dynreg.sim.effects.body import driven_dofs, neighbours
 from dynreg.sim.effects.effect import DEGREE, Effect, EffectParameter, Moment, Site, Values, drives
+from dynreg.sim.ports import nominal_ports, takes_positions
 from dynreg.sim.robot import Robot
 
 ROTOR = 0.5  # of the joint's armature that turns with the motor, at least
@@ -88,8 +89,17 @@ class JointElasticity(_Transmission):
             None if drives(robot, "position", "duty_servo") else "no servo whose stiffness could be compared"
         )
 
+    def places(self, robot: Robot) -> tuple[tuple[str, ...], ...]:
+        return tuple(at for at in super().places(robot) if not at or {*at} <= _servos(robot))
+
     def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:
         return torque + loosened(torque, x, gap=None, compliance=p["compliance"])
+
+
+def _servos(robot: Robot) -> set[str]:
+    """Joints whose drive moves to a position."""
+    moved = takes_positions(nominal_ports(robot, 1))
+    return {joint for joint, own in zip(robot.joints, moved, strict=True) if own}
 
 
 class CableCoupling(Effect):
