@@ -10,11 +10,13 @@ from dynreg.data.recording import Episode, Recording
 from dynreg.data.topics import Motion
 from dynreg.errors import LogError
 from dynreg.gait.beside import ATTITUDE, base_of, commands_of, measured
+from dynreg.sim.engines import Arena
 from dynreg.sim.engines.arena import has_fallen
+from dynreg.sim.excitation import reset_pose
 from dynreg.sim.layout import BASE, layout_of
 from dynreg.sim.real import RealRobot, RealTrial
 from dynreg.sim.robot import Robot, require_commands
-from dynreg.sim.run import Walk
+from dynreg.sim.run import Run, Walk
 
 # By contract. SAME : of the movement commanded, by which the commands of its log may differ. STILL : of their speed, at
 # which a robot that was stopped may go back to rest. WHOLE : of a trial that its log must hold, or it was stopped.
@@ -43,13 +45,14 @@ def trial_of(robot: Robot, log: Recording, actions: np.ndarray, rate: float) -> 
     """The trial that a log holds, from the first of the commands (T, A), `rate` a second, to the last or the fall.
 
     The log may begin before that and end after it. Where it ends before `WHOLE` of the commands, the robot counts as
-    fallen then: somebody stopped it. The base begins where the model's does at rest, and looks ahead. Its velocities
-    are NaN where the log does not tell them. Raises LogError where the log does not hold these commands, or does not
-    tell how the base moved.
+    fallen then: somebody stopped it. The base begins where the settled nominal simulator has it, and looks ahead. The
+    log's heights tell how it rises and sinks from there: a camera's zero need not be the ground. Its velocities are NaN
+    where the log does not tell them. Raises LogError where the log does not hold these commands, or does not tell how
+    the base moved.
     """
     found = _found(robot, log, actions, rate)
     _require_base(robot, log)
-    motion = measured(robot, log, found, _start(robot))
+    motion = measured(robot, log, found, _start(robot, rate))
     known = np.isfinite(motion.position).all(axis=1) & np.isfinite(motion.attitude).all(axis=1)
     if known.sum() < 2:
         raise LogError(
@@ -115,10 +118,10 @@ def _found(robot: Robot, log: Recording, actions: np.ndarray, rate: float) -> Ep
     return replace(episode, time=episode.time[rows], values=episode.values[rows])
 
 
-def _start(robot: Robot) -> Motion:
-    """The base at rest, where the model has it."""
-    model, at = robot.model, layout_of(robot).base_qpos
-    pose = (model.qpos0 if robot.keyframe < 0 else model.key_qpos[robot.keyframe])[at : at + 7]
+def _start(robot: Robot, rate: float) -> Motion:
+    """The base at rest, as the nominal simulator settles it: a keyframe may have it in the air or in the ground."""
+    rest, at = Run(reset_pose(robot)[None, None], period=1.0 / rate), layout_of(robot).base_qpos
+    pose = Arena(robot, robot.space.nominal[None], rest, threads=1).poses(rest)[0, 0, 0, at : at + 7]
     return Motion(np.zeros(1), np.empty((1, 0)), pose[None, :3], np.roll(pose[3:], -1)[None])
 
 

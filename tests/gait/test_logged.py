@@ -1,6 +1,8 @@
 """A walk read from the log of a trial: as far as the robot went, fallen where it fell, and no other trial's."""
 
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ from dynreg.gait.tasks import task_of
 from dynreg.gait.trials import Simulators, Trials
 from dynreg.sim.excitation import excitation
 from dynreg.sim.real import Budget, RealTrial, SimulatedRobot
-from dynreg.sim.robot import Robot
+from dynreg.sim.robot import Robot, load_robot, packaged_robots
 
 RATE = 36.0
 
@@ -85,6 +87,35 @@ def test_a_log_may_begin_before_the_gait_and_hold_places(quadruped, gaits, tried
     assert (
         np.abs(walk[:, 2] - true[:, 2]).max() < 0.01
     )  # heights, by which it may have fallen, from that at rest
+
+
+def _with_keyframe(robot: Robot, height: float, folder: Path) -> Robot:
+    """The robot, whose keyframe has the base at another height."""
+    shutil.copytree(packaged_robots()[robot.name], folder)
+    model = (folder / "model.xml").read_text(encoding="utf-8")
+    lifted = model.replace('qpos="0 0 0.24 ', f'qpos="0 0 {height} ')
+    assert lifted != model
+    (folder / "model.xml").write_text(lifted, encoding="utf-8")
+    return load_robot(folder)
+
+
+@pytest.mark.parametrize("height", [0.0, 0.6])
+def test_heights_are_counted_from_where_the_robot_stands_not_from_its_keyframe(
+    quadruped, gaits, tried, tmp_path, height: float
+) -> None:
+    robot = _with_keyframe(quadruped, height, tmp_path / "quadruped")
+    true = tried[0].walk.base[0, 0]
+    walk = trial_of(robot, tried[0].recording, gaits[0], RATE)
+    assert not walk.fell
+    assert walk.walk.base[0, 0, 0, 2] == pytest.approx(true[0, 2], abs=0.005)
+
+    log, (e,) = tried[0].recording, tried[0].recording.episodes
+    sinks = 7.0 + true[:, 2:3] - np.linspace(0.0, 0.25, len(true))[:, None]
+    z = replace(log.channels[0], name="base/z", unit="m")
+    seen = replace(e, values=np.concatenate([e.values, sinks], axis=1))
+    sunk = trial_of(robot, replace(log, channels=(*log.channels, z), episodes=(seen,)), gaits[0], RATE)
+    assert sunk.fell
+    assert 0.6 * len(true) < sunk.walk.fell[0, 0] < len(true)
 
 
 @pytest.mark.parametrize(
