@@ -171,6 +171,15 @@ class Family(ABC):
                 do="correct the genes, or seek a gait with `dynreg gait`",
             )
 
+    def require_any(self, smallest: np.ndarray) -> None:
+        """RobotError where not even the smallest gait (G,) is feasible: then none is."""
+        if found := self.problems(smallest):
+            raise RobotError(
+                f"no gait of robot {self.robot!r} keeps its limits: in the smallest, {found[0]}",
+                expected="[gait] with a gait within the limits of the joints and drives",
+                do="lengthen `ramp`, or change the ranges of [gait] or the limits in robot.toml",
+            )
+
     def faded(self, moving: np.ndarray, times: np.ndarray) -> np.ndarray:
         """(..., T, A) joint angles [rad] that come from rest at time 0 into a motion (..., T, A), in `ramp` seconds."""
         return faded(moving, self.pose, self.ramp, times)
