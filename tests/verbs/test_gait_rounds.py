@@ -12,7 +12,7 @@ import toy_dog
 
 from dynreg import session
 from dynreg.data.recording import Recording
-from dynreg.errors import LogError, MapError, NoMatchError, UsageError
+from dynreg.errors import Assumed, LogError, MapError, NoMatchError, UsageError
 from dynreg.gait import forecast
 from dynreg.gait.had import Had
 from dynreg.gait.logged import LoggedRobot
@@ -303,6 +303,19 @@ def test_where_an_error_ends_the_trials_what_they_brought_is_kept(opened, brief,
     assert isinstance(kept, GaitRounds) and kept.ended == "interrupted after trial 2"
     assert [one.fitness for one in kept.rounds] == [pytest.approx(one.worth) for one in kept.rounds]
     assert len(kept.rounds) == 2 and kept.seconds == pytest.approx(3.0)  # in the third it may have moved
+
+
+def test_a_search_that_cannot_be_gone_on_with_begins_anew(opened, brief) -> None:
+    def interrupt(*told: object) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        opened.gait_rounds("log", robot_of(brief), trials=1, **(ASKED | {"progress": interrupt}))
+    (journal,) = (opened.path / "searches").glob("*.jsonl")
+    journal.write_text(journal.read_text(encoding="utf-8").replace("asked", "told"), encoding="utf-8")
+    with pytest.warns(Assumed, match=r"line 2 of .* is damaged: the search begins anew"):
+        found = opened.gait_rounds("log", robot_of(brief), trials=1, **ASKED)
+    assert len(found.rounds) == 1 and not [*(opened.path / "searches").glob("*")]
 
 
 @pytest.mark.parametrize("name", ["_fitness", "forecasts"])
