@@ -330,6 +330,17 @@ def test_an_interrupted_gait_goes_on(opened: Session) -> None:
     assert resumed.genes == opened.gait("log", **settings).genes
 
 
+def test_the_nominal_simulator_may_stand_in_a_list_and_none_may_stand_there_twice(opened: Session) -> None:
+    one = opened.registry.ids("simulator")[0]
+    settings = {"rollouts": 2 * ROLLOUTS, "threads": 1}
+    both = opened.gait("log", on=f"nominal, {one}", **settings)
+    assert [trial.kind for trial in both.trials][0] == "nominal" and both.k == 2
+    assert both.trials[0].simulator != both.trials[1].simulator == one
+    for listed in (f"{one},{one}", f"{one},nominal,{one[:10]}", f"nominal,{both.trials[0].simulator}"):
+        with pytest.raises(UsageError, match="on .* names simulator .* twice"):
+            opened.gait("log", on=listed, **settings)
+
+
 def test_a_search_that_runs_is_not_begun_beside_itself(opened: Session) -> None:
     settings = {"on": "nominal", "rollouts": ROLLOUTS, "seed": 10, "threads": 1}
     ran = []
