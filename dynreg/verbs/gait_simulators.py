@@ -20,6 +20,8 @@ from dynreg.verbs.query import QuerySettings, query, retrieved
 from dynreg.verbs.simulators import NAMES, NOMINAL, POSTERIOR, WORDS, Simulator, own, simulator
 from dynreg.verbs.subjects import Recorded, population_for
 
+EARLIER = "earlier"  # the kind of a simulator that an earlier log told
+
 
 @dataclass(frozen=True)
 class Chosen:
@@ -87,10 +89,11 @@ def trials_in(
 def with_earlier(asked: Recorded, chosen: Chosen, ids: Sequence[str], most: int | None = None) -> Chosen:
     """The chosen simulators, and those that were chosen by the same word before (their ids), each once.
 
-    most : of all, at most; where there are more, half are earlier ones, the first before others. A first log of many
-    short trials tells more than one of a walk.
+    The kind of these is "earlier": what they were to another log, they are not to this one. most : of all, at most;
+    where there are more, half are earlier ones, the first before others. A first log of many short trials tells more
+    than one of a walk.
     """
-    has, kind = {one.id for one in chosen.simulators}, chosen.kinds[-1]
+    has = {one.id for one in chosen.simulators}
     earlier = [i for i in dict.fromkeys(ids) if i not in has]
     if most is not None and len(has) + len(earlier) > most:
         earlier = earlier[: max(most - len(has), most // 2)]
@@ -100,7 +103,7 @@ def with_earlier(asked: Recorded, chosen: Chosen, ids: Sequence[str], most: int 
             simulators=chosen.simulators[: most - len(earlier)],
         )
     more = simulators_named(asked, earlier)
-    kinds = (*chosen.kinds, *[kind] * len(more))
+    kinds = (*chosen.kinds, *[EARLIER] * len(more))
     return replace(chosen, kinds=kinds, simulators=(*chosen.simulators, *more))
 
 

@@ -219,7 +219,7 @@ def test_simulators_of_earlier_logs_are_no_answers_of_this_one(opened, brief) ->
     one, two = (simulator(opened.registry, i, brief) for i in opened.ids)
     chosen = Chosen("posterior", ("answer", "posterior"), (one, one))
     more = with_earlier(asked, chosen, (one.id, two.id))
-    assert more.kinds == ("answer", "posterior", "posterior") and more.simulators[2].id == two.id
+    assert more.kinds == ("answer", "posterior", "earlier") and more.simulators[2].id == two.id
 
 
 def test_of_too_many_simulators_half_are_of_earlier_logs(opened, brief) -> None:
@@ -243,8 +243,9 @@ def test_of_too_many_simulators_half_are_of_earlier_logs(opened, brief) -> None:
     ):
         more = with_earlier(asked, chosen, (newest[1], *earlier, earlier[0]), most)
         assert [one.id for one in more.simulators] == told
-        # only the newest log's is an answer
-        assert more.kinds == ("answer", *["posterior"] * (len(told) - 1))
+        # what they were to an earlier log, they are not to this one
+        new = [identity in newest for identity in told]
+        assert more.kinds == ("answer", *("posterior" if one else "earlier" for one in new[1:]))
     assert [one.id for one in with_earlier(asked, chosen, (), 4).simulators] == newest
 
 
