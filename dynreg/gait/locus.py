@@ -68,7 +68,7 @@ class Locus(Family):
         genes = ranged(robot, _genes(legs, front, left), table)
         _require_sound(robot, genes)
         made = cls(
-            **of_robot(robot, table),
+            **of_robot(robot, table, [joint for leg in table.legs for joint in leg.joints.values()]),
             ramp=table.ramp,
             genes=genes,
             legs=tuple(legs),

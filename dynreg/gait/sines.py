@@ -46,7 +46,7 @@ class Sines(Family):
         columns = [[robot.joints.index(leg.joints[role.name]) for role in table.roles] for leg in table.legs]
         signs = [[-1.0 if role.name in leg.mirrored else 1.0 for role in table.roles] for leg in table.legs]
         made = cls(
-            **of_robot(robot, table),
+            **of_robot(robot, table, [joint for leg in table.legs for joint in leg.joints.values()]),
             ramp=table.ramp,
             genes=tuple(genes),
             roles=tuple(role.name for role in table.roles),
