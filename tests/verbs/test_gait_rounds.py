@@ -594,6 +594,20 @@ def test_a_log_that_goes_away_is_waited_for_again(
     assert 61.0 + QUIET <= clock.now <= 61.0 + QUIET + 2 * EVERY
 
 
+def test_a_folder_that_goes_away_while_its_log_is_waited_for_is_named(
+    brief: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = tmp_path / "trials"
+    place.mkdir()
+    clock = Clock([(5.0, lambda: place.rename(tmp_path / "moved"))])
+    monkeypatch.setattr("dynreg.verbs.trial_folder.time", clock)
+    folder = TrialFolder(place, None, brief, say=lambda _: None)
+    with pytest.raises(
+        UsageError, match="trials' cannot be read any more: No such file.*the same command goes on"
+    ):
+        folder.played(np.zeros((5, len(brief.actions))), brief.rate, "trial_1")
+
+
 def test_a_file_with_another_name_than_the_log_is_told_once(
     brief: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
