@@ -68,7 +68,7 @@ class GaitSettings(Settings):
         least=1,
     )
     packaged: bool = option(True, "Also try the gaits that the robot's folder brings.")
-    resume: bool = option(False, "Continue an interrupted search.")
+    resume: bool = option(False, "Continue an interrupted search; with --trial it goes on without this.")
     population: str | None = option(
         None, "Population in which to search.", usual="the only one", complete="stored_names"
     )

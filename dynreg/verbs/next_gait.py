@@ -93,7 +93,13 @@ def told_by(
 ) -> "Recorded":
     """The recording that told the simulators of a gait; UsageError where a kept one was sought otherwise."""
     robot = asked[0].robot
-    own = {"robot_hash": robot.hash, "task": task.name, "on": settings.on, "method": settings.method}
+    if found.robot_hash != robot.hash:
+        raise UsageError(
+            f"the gait of trial {number} was sought for another version of the robot, {found.robot_hash[:12]}",
+            expected=f"{robot.name} {robot.hash[:12]}, as this command says",
+            do="name the folder of that version, or another folder for the trials",
+        )
+    own = {"task": task.name, "on": settings.on, "method": settings.method}
     own |= {"accept": settings.search(1).accept, "seed": settings.seed}
     for name, value in own.items():
         if (was := getattr(found, name)) != value:

@@ -123,7 +123,7 @@ class TrialFolder:
             if log in logs and len(logs) > 1:
                 if len(logs) != many:
                     names = ", ".join(path.name for path in logs)
-                    self.say(f"{names} would all be the log of {name}: it is waited until one is left")
+                    self.say(f"{names} would all be the log of {name}: leave one of them")
                 log = None
             many = len(logs)
             strange = self._names() - there - {path.name for path in logs}
