@@ -32,8 +32,15 @@ def trial(
     report: Page = None,
 ) -> None:
     """Hide what the flags say, and diagnose."""
-    hidden = tuple(part.strip() for part in effect.split("+")) if effect else ()
-    settings = replace(settings, hide=_hide(effect, nothing, every), effects=hidden)
+    hide = _hide(effect, nothing, every)
+    hidden = () if effect is None else tuple(part.strip() for part in effect.split("+"))
+    if not all(hidden):
+        raise UsageError(
+            f"--effect {effect!r}, in which a name is missing",
+            expected="EFFECT, EFFECT[JOINT] or EFFECT+EFFECT",
+            do="see `dynreg effects`, or leave --effect out for one drawn for each robot",
+        )
+    settings = replace(settings, hide=hide, effects=hidden)
     ask_about_robot(call, "trial", robot, vars(settings), report)
 
 

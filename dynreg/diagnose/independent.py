@@ -3,13 +3,25 @@
 import numpy as np
 
 from dynreg.data.recording import Recording
+from dynreg.errors import UsageError
 from dynreg.evidence.truth import Hidden, Protocol, hide, recorded
 from dynreg.rng import stream_seed
 from dynreg.sim.effects import Effect, Term, applicable, placed
-from dynreg.sim.robot import Robot
+from dynreg.sim.robot import Robot, is_packaged
 from dynreg.truths.causes import cause
 from dynreg.truths.table import kind, log, sized
 from dynreg.truths.truth import Commands, Truth
+
+
+def require_truth(robot: Robot) -> None:
+    """UsageError where no truth is of this robot: each is of one that comes with dynreg, as it comes."""
+    kind(robot.name)
+    if not is_packaged(robot):
+        raise UsageError(
+            f"robot {robot.name!r} ({robot.hash[:12]}) is not the one of that name that comes with dynreg",
+            expected="that robot, unchanged: the independent truth has its joints and masses",
+            do=f"name {robot.name} as it comes, or leave `truth` at 'own'",
+        )
 
 
 def hide_independent(robot: Robot, key: str | None, size: str | None, seed: int) -> tuple[Hidden, Truth]:
@@ -17,7 +29,7 @@ def hide_independent(robot: Robot, key: str | None, size: str | None, seed: int)
 
     Raises UsageError where the robot has no such truth, or that no such cause.
     """
-    kind(robot.name)
+    require_truth(robot)
     drawn = hide(robot, (), None, seed)
     parameters = robot.space.as_dict(drawn.parameters)
     if key is None:

@@ -5,7 +5,7 @@ the joints are told by them, and how a gait that the robot cannot run is made fe
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Self
@@ -171,6 +171,15 @@ class Family(ABC):
                 do="correct the genes, or seek a gait with `dynreg gait`",
             )
 
+    def require_any(self, smallest: np.ndarray) -> None:
+        """RobotError where not even the smallest gait (G,) is feasible: then none is."""
+        if found := self.problems(smallest):
+            raise RobotError(
+                f"no gait of robot {self.robot!r} keeps its limits: in the smallest, {found[0]}",
+                expected="[gait] with a gait within the limits of the joints and drives",
+                do="lengthen `ramp`, or change the ranges of [gait] or the limits in robot.toml",
+            )
+
     def faded(self, moving: np.ndarray, times: np.ndarray) -> np.ndarray:
         """(..., T, A) joint angles [rad] that come from rest at time 0 into a motion (..., T, A), in `ramp` seconds."""
         return faded(moving, self.pose, self.ramp, times)
@@ -196,8 +205,13 @@ class Family(ABC):
         ]
 
 
-def of_robot(robot: Robot, table: MotionTable) -> dict[str, Any]:
-    """What every family takes from the robot and its own table: the common fields, but for genes and ramp."""
+def of_robot(robot: Robot, table: MotionTable, joints: Iterable[str] | None = None) -> dict[str, Any]:
+    """What every family takes from the robot and its own table: the common fields, but for genes and ramp.
+
+    joints : those that gaits move, by default all that are driven. Raises RobotError where one of them is driven by
+    something else than angles.
+    """
+    _require_angles(robot, robot.joints if joints is None else joints)
     low, high, speed = _limits(robot)
     return {
         "robot": robot.name,
@@ -208,6 +222,21 @@ def of_robot(robot: Robot, table: MotionTable) -> dict[str, Any]:
         "speed": speed,
         "first": tuple(table.start),
     }
+
+
+def _require_angles(robot: Robot, joints: Iterable[str]) -> None:
+    """RobotError where the drive of a joint takes no angle: torques and speeds are nothing that a gait tells."""
+    from dynreg.sim.ports import nominal_ports, takes_positions
+
+    ports = nominal_ports(robot, 1)
+    angles = dict(zip(robot.joints, takes_positions(ports), strict=True))
+    if other := [joint for joint in joints if not angles.get(joint, True)]:
+        kind = ports.types[robot.joints.index(other[0])]
+        raise RobotError(
+            f"joint {other[0]!r} of robot {robot.name!r} has a drive of type {kind!r}, and a gait tells joints angles",
+            expected='drives of the legs that take angles, such as type = "position"',
+            do="name the joint's own position loop in [[drives]], or leave the joint out of [gait] and [[motions]]",
+        )
 
 
 def _limits(robot: Robot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -67,8 +67,8 @@ class Locus(Family):
             raise _unlike(robot, "legs that are not one at each corner", "four legs, one at each corner")
         genes = ranged(robot, _genes(legs, front, left), table)
         _require_sound(robot, genes)
-        return cls(
-            **of_robot(robot, table),
+        made = cls(
+            **of_robot(robot, table, [joint for leg in table.legs for joint in leg.joints.values()]),
             ramp=table.ramp,
             genes=genes,
             legs=tuple(legs),
@@ -77,6 +77,8 @@ class Locus(Family):
             front=front,
             left=left,
         )
+        made.require_any(made._smallest)
+        return made
 
     def targets(self, genes: np.ndarray, times: np.ndarray) -> np.ndarray:
         out = np.empty((len(genes), len(times), len(self.pose)))
@@ -107,19 +109,15 @@ class Locus(Family):
         return self.from_dict(dict.fromkeys(self.names, np.nan) | {"skew": 0.0} | self._standing)
 
     def feasible(self, genes: np.ndarray) -> np.ndarray:
-        """(n, G) gaits as they are, where need be on smaller loci nearer to the pose at rest, and slower."""
-        genes = np.clip(genes, *self.bounds.T)
-        small = self.bounds[:, 0].copy()
-        where = {name: i for i, name in enumerate(self.names)}
-        size = [where[name] for name in ("length", "lift", "skew", *self._standing)]
-        for name, value in {"skew": 0.0, **self._standing}.items():
-            small[where[name]] = np.clip(value, *self.bounds[where[name]])
-        if self.bounds[where["length"], 1] < 0:  # backwards
-            small[where["length"]] = self.bounds[where["length"], 1]
-        pace = [where["speed"]]
+        """(n, G) gaits as they are, where need be on smaller loci nearer to the pose at rest, and slower; where that is
+        not enough, all their genes go toward the smallest gait."""
+        genes, small = np.clip(genes, *self.bounds.T), self._smallest
+        size = [self.names.index(name) for name in ("length", "lift", "skew", *self._standing)]
+        pace, everything = [self.names.index("speed")], [*range(len(self))]
         genes = self._toward(genes, small, size, lambda g: self._fits(g, rates=False))
         genes = self._toward(genes, small, pace, lambda g: self._fits(g))
-        return self._toward(genes, small, size, lambda g: self._fits(g))
+        genes = self._toward(genes, small, size, lambda g: self._fits(g))
+        return self._toward(genes, small, everything, lambda g: self._fits(g))
 
     def problems(self, genes: np.ndarray) -> tuple[str, ...]:
         out = self.outside(genes)
@@ -162,6 +160,15 @@ class Locus(Family):
     def _standing(self) -> dict[str, float]:
         """The operating points of the pose at rest."""
         return _standing(self.legs, self.front, self.left)
+
+    @cached_property
+    def _smallest(self) -> np.ndarray:
+        """(G,) the gait whose joints turn least and slowest: low and round, at the pose at rest, long in the air."""
+        low, high = (self.as_dict(ends) for ends in self.bounds.T)
+        slow = low["speed"] * (1.0 - high["air"]) / FASTEST  # the shortest way that is not stepped too often
+        length = np.clip(np.copysign(slow, high["length"]), low["length"], high["length"])
+        standing = {n: np.clip(v, low[n], high[n]) for n, v in {"skew": 0.0, **self._standing}.items()}
+        return self.from_dict(low | standing | {"length": length, "shape": high["shape"], "air": high["air"]})
 
     def _stages(self, g: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """How long a foot is on the ground and in the air [s]."""

@@ -38,12 +38,12 @@ class Poses(Family):
 
     @classmethod
     def of(cls, robot: Robot, table: PosesTable) -> Self:
-        common = of_robot(robot, table)
         followed = {**table.together, **table.mirrored}
         free = list(table.joints or [name for name in robot.driven if name not in followed])
         signs = dict.fromkeys(free, 1.0) | dict.fromkeys(table.together, 1.0)
         signs |= dict.fromkeys(table.mirrored, -1.0)
         _check(robot, table, free, followed)
+        common = of_robot(robot, table, signs)
         columns = [robot.joints.index(name) for name in signs]
         leaders = [free.index(followed.get(name, name)) for name in signs]
         made = cls(

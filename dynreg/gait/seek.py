@@ -167,7 +167,7 @@ class Followed(TypedDict, total=False):
 def driven(
     search: Search,
     graded: Callable[[np.ndarray], np.ndarray],
-    watched: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
+    watched: Callable[[np.ndarray], tuple[np.ndarray, ...]],
     limits: Limits,
     **followed: Unpack[Followed],
 ) -> Found:
@@ -199,12 +199,13 @@ def seek(trials: Trials, settings: SearchSettings, **followed: Unpack[Followed])
     gaits = lambda unit: space.feasible(space.from_unit(unit))  # noqa: E731
     accepted, ran, stood = ACCEPT[settings.accept], np.zeros(k, dtype=bool), np.zeros(k, dtype=bool)
 
-    def watched(grades: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def watched(grades: np.ndarray) -> tuple[np.ndarray, ...]:
         mine = trials.turn(search.asks - 1, met) if met < k else slice(None)
         ran[mine], stood[mine] = True, stood[mine] | ~fallen(grades).all(axis=0)
         values = accepted(fitness(grades))
         # some rank their candidates, the fallen ones too; the hill climber is the paper's
-        return values, -accepted(grades) if kind.by_order else -values
+        losses = -accepted(grades) if kind.by_order else -values
+        return values, losses, ranks(values, fallen(grades).sum(axis=1))
 
     def graded(unit: np.ndarray) -> np.ndarray:
         batch = search.asks - 1 if settings.draws_anew(k) else 0
@@ -223,6 +224,16 @@ def seek(trials: Trials, settings: SearchSettings, **followed: Unpack[Followed])
     if finals:
         best, again = best_again(trials, settings, search.best(finals[0][0]), finals)
     return answer(trials, best, found, again, ran & ~stood)
+
+
+def ranks(values: np.ndarray, falls: np.ndarray) -> np.ndarray:
+    """(n, 3) what gaits are ranked by, the first counts most, of their values (n,) and falls (n,).
+
+    A fall counts 0, and a step back less. So of gaits whose value is 0 or less, none of which achieves anything, one
+    that falls less often is better.
+    """
+    nothing = values <= 0.0
+    return np.stack([np.where(nothing, 0.0, values), np.where(nothing, -falls, 0.0), values], axis=1)
 
 
 def answer(
@@ -259,7 +270,7 @@ def best_again(
 
     Of those whose value reaches the task's `success` it is the one that falls least often, and of those that fall alike
     the one with the highest value: accepted over the simulators of the mean over draws. Where none does, it is the one
-    with the highest value.
+    with the highest value (see `ranks`).
     """
     space, seen = trials.space, np.empty((len(finalists), 0, len(trials.simulators)))
     for gaits, draws in rounds:
@@ -270,7 +281,9 @@ def best_again(
         values = ACCEPT[settings.accept](fitness(seen).mean(axis=1))
         falls = fallen(seen).sum(axis=(1, 2))
         short = values < trials.task.success
-        order = np.lexsort((-values, np.where(short, 0, falls), short))
+        reached = np.stack([np.zeros(len(values)), -falls, values], axis=1)
+        told = np.where(short[:, None], ranks(values, falls), reached)
+        order = np.lexsort((*-told.T[::-1], short))
         finalists, seen, values, falls = finalists[order], seen[order], values[order], falls[order]
     return finalists[0], Finals(seen[0].size, int(falls[0]), float(values[0]))
 

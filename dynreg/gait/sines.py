@@ -45,8 +45,8 @@ class Sines(Family):
         genes += [Gene(name, "rad", -np.pi, np.pi, True) for name in phases]
         columns = [[robot.joints.index(leg.joints[role.name]) for role in table.roles] for leg in table.legs]
         signs = [[-1.0 if role.name in leg.mirrored else 1.0 for role in table.roles] for leg in table.legs]
-        return cls(
-            **of_robot(robot, table),
+        made = cls(
+            **of_robot(robot, table, [joint for leg in table.legs for joint in leg.joints.values()]),
             ramp=table.ramp,
             genes=tuple(genes),
             roles=tuple(role.name for role in table.roles),
@@ -54,6 +54,8 @@ class Sines(Family):
             columns=np.array(columns),
             signs=np.array(signs),
         )
+        made.require_any(made._smallest)
+        return made
 
     def frequency(self, genes: np.ndarray) -> float | None:
         return float(genes[0])
@@ -105,14 +107,20 @@ class Sines(Family):
         return self.faded(moving, times)
 
     def feasible(self, genes: np.ndarray) -> np.ndarray:
-        """(n, G) gaits as they are, where need be with offsets inside the joints' limits and smaller amplitudes."""
+        """(n, G) gaits as they are, where need be with offsets inside the joints' limits and nearer to rest, smaller
+        amplitudes and, where the least amplitudes are still too fast, slower."""
         genes = np.clip(genes, *self.bounds.T)
-        frequency = genes[:, :1]
-        offset = np.clip(genes[:, self.offsets], *self._role_limits)
+        genes[:, 0] = np.minimum(genes[:, 0], self._steps_at_least)
+        frequency, least = genes[:, :1], self.bounds[self.amplitudes, 0]
+        speed, rest = self.speed[self.columns].min(axis=0), self.signs * self.pose[self.columns]
+        reach = self.ramp * (speed - least * (2 * np.pi * frequency + 1.0 / self.ramp))
+        low, high = self._centres
+        low, high = np.maximum(low, rest.max(axis=0) - reach), np.minimum(high, rest.min(axis=0) + reach)
+        offset = np.clip(genes[:, self.offsets], low, high)
         room = np.minimum(offset - self._role_limits[0], self._role_limits[1] - offset)
-        rate = self.speed[self.columns].min(axis=0) - self._reach(offset) / self.ramp
+        rate = speed - self._reach(offset) / self.ramp
         most = np.minimum(room, rate / (2 * np.pi * frequency + 1.0 / self.ramp))
-        genes[:, self.amplitudes] = np.clip(genes[:, self.amplitudes], 0.0, np.maximum(most, 0.0))
+        genes[:, self.amplitudes] = np.clip(genes[:, self.amplitudes], least, np.maximum(most, least))
         genes[:, self.offsets] = offset
         return genes
 
@@ -134,6 +142,29 @@ class Sines(Family):
         return np.stack(
             [np.where(flipped, -high, low).max(axis=0), np.where(flipped, -low, high).min(axis=0)]
         )
+
+    @cached_property
+    def _centres(self) -> np.ndarray:
+        """(2, R) lowest and highest offset of a role whose least amplitude all its joints can reach."""
+        least, bounds = self.bounds[self.amplitudes, 0], self.bounds[self.offsets]
+        low, high = self._role_limits
+        return np.stack([np.maximum(bounds[:, 0], low + least), np.minimum(bounds[:, 1], high - least)])
+
+    @cached_property
+    def _smallest(self) -> np.ndarray:
+        """(G,) the slowest gait with the least amplitudes, as near to the pose at rest as its legs can have it."""
+        genes, rest = self.bounds[:, 0].copy(), self.signs * self.pose[self.columns]
+        genes[self.offsets] = np.clip((rest.min(axis=0) + rest.max(axis=0)) / 2, *self._centres)
+        return genes
+
+    @cached_property
+    def _steps_at_least(self) -> float:
+        """The highest frequency [Hz] at which no role turns too fast in its least amplitude, as near to rest as can be;
+        the lowest of the gene where there is none."""
+        least, reach = self._smallest[self.amplitudes], self._reach(self._smallest[self.offsets])
+        left = self.speed[self.columns].min(axis=0) - (reach + least) / self.ramp
+        most = np.divide(left, 2 * np.pi * least, out=np.full(len(least), np.inf), where=least > 0)
+        return max(float(most.min()), self.bounds[0, 0])
 
     def _reach(self, offset: np.ndarray) -> np.ndarray:
         """(..., R) how far [rad] the ramp takes the joints of a role from rest to their offset."""

@@ -38,7 +38,7 @@ class Limits:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """The best candidate (P,), its grades (k,) and value, and (evaluations, best value) whenever it rose.
+    """The best candidate (P,), its grades (k,) and value, and (evaluations, its value) whenever a better one came.
 
     ended : "budget", "patience" or "converged". resumed : evaluations taken from the journal.
     """
@@ -55,15 +55,17 @@ class Found:
 def drive(
     search: Search,
     grades: Callable[[np.ndarray], np.ndarray],
-    judge: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
+    judge: Callable[[np.ndarray], tuple[np.ndarray, ...]],
     limits: Limits,
     *,
     journal: Journal | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Found:
-    """Look for the candidate with the highest value.
+    """Look for the best candidate, which is the one with the highest value.
 
-    grades : (n, k) of candidates (n, P). judge : values (n,) of grades (n, k), and the losses (n,) to tell.
+    grades : (n, k) of candidates (n, P). judge : values (n,) of grades (n, k), and the losses (n,) to tell; where the
+    values alone do not say which is better, also ranks (n, m): the first counts most, higher is better. Of equals the
+    best is the one with the lowest loss.
     journal : what an interrupted run of the same search left; its candidates are not evaluated again.
     """
     best, top, spent, resumed, last, history = None, None, 0, 0, 0, []
@@ -80,16 +82,17 @@ def drive(
             resumed += len(asked)
         elif journal:
             journal.add(asked, found)
-        values, losses = judge(found)
+        values, losses, *told = judge(found)
+        ranks = told[0] if told else values[:, None]
         if not cut:
             search.tell(losses)
-        at = int(np.lexsort((losses, -values))[0])  # of equals the one that the search likes best
-        rank = (float(values[at]), -float(losses[at]))
+        at = int(np.lexsort((losses, *-ranks.T[::-1]))[0])  # of equals the one that the search likes best
+        rank, value = (*ranks[at].tolist(), -float(losses[at])), float(values[at])
         if best is None or rank > top:
-            if best is None or rank[0] > top[0]:
+            if best is None or rank[:-1] > top[:-1]:
                 last = spent + at + 1
-                history.append((last, rank[0]))
-            best, top = (asked[at], found[at], rank[0]), rank
+                history.append((last, value))
+            best, top = (asked[at], found[at], value), rank
         spent += len(asked)
         if progress:
             progress(spent, limits.evaluations)

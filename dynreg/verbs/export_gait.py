@@ -22,8 +22,8 @@ def export_gait(registry: Registry, ref: str | Path | Gait, path: Path, form: st
 
     ref : the gait, its id, `@last`, or the path of its JSON document.
     form : "csv", "mcap" or "python" are commands for a robot (see `gait.play`). "gif" is a film and "png" four stills
-    of one period, both of the stored run in the simulator with the lowest fitness; a slope is drawn level. "foxglove"
-    is a log of the run in that simulator. If `ref` is a recording of a played gait, the log holds the measured channels
+    of one period, both of the stored run in the simulator that shows the gait (`Gait.shown`); a slope is drawn level.
+    "foxglove" is a log of the run there. If `ref` is a recording of a played gait, the log holds the measured channels
     and the simulator's under the same commands, from the same initial pose in every episode.
     Raises UsageError for another form, a gait that cannot be played or a file that cannot be written, NoMatchError if
     the robot or a simulator is not in the registry, LogError if the recording has no commands, PictureError if this

@@ -68,7 +68,7 @@ class GaitSettings(Settings):
         least=1,
     )
     packaged: bool = option(True, "Also try the gaits that the robot's folder brings.")
-    resume: bool = option(False, "Continue an interrupted search.")
+    resume: bool = option(False, "Continue an interrupted search; with --trial it goes on without this.")
     population: str | None = option(
         None, "Population in which to search.", usual="the only one", complete="stored_names"
     )
@@ -145,14 +145,14 @@ def gait(
     Example: dynreg gait monday --rollouts 15000
 
     Raises RobotError if the robot has no such task, NoMatchError if no simulator is close enough, UsageError if there
-    are too few simulators.
+    are too few simulators or another run of the same search has not ended.
     """
     from dynreg.gait.forecast import best_first
     from dynreg.gait.seek import expected
     from dynreg.gait.space import gait_space
     from dynreg.gait.tasks import task_of
     from dynreg.verbs.gait_document import document
-    from dynreg.verbs.gait_searches import searched
+    from dynreg.verbs.gait_searches import kept, searched
     from dynreg.verbs.gait_simulators import choose, trials_in, with_earlier
     from dynreg.verbs.query import QuerySettings
 
@@ -170,12 +170,11 @@ def gait(
     trials = trials_in(asked, task, chosen.simulators, seed=settings.seed, threads=settings.threads)
     if searches[0].near:
         had = best_first(trials, had)
-    best = searched(asked, chosen, trials, searches, had, resume=settings.resume, progress=progress)
-    # once a gait has walked, both searches foresee what they bring with the doubt of the one near it
-    (unseen,) = expected(trials, best.sought.genes[None], searches[0].doubt)
-    about, seconds = (asked.recording.id, asked.name), time.perf_counter() - began
-    found = document(about, chosen, trials, best, unseen, seconds)
-    asked.keep(found)
-    for path in best.journals:
-        path.unlink(missing_ok=True)  # only after the gait is stored
+    with kept(asked, chosen, trials, searches, had, resume=settings.resume) as journals:
+        best = searched(trials, journals, had, progress)
+        # once a gait has walked, both searches foresee what they bring with the doubt of the one near it
+        (unseen,) = expected(trials, best.sought.genes[None], searches[0].doubt)
+        about, seconds = (asked.recording.id, asked.name), time.perf_counter() - began
+        found = document(about, chosen, trials, best, unseen, seconds)
+        asked.keep(found)
     return found

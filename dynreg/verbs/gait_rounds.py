@@ -85,7 +85,7 @@ def gait_rounds(
                     break
                 real.afford(task.seconds)  # before time is spent on a gait
                 seed = stream_seed(settings.seed, "gait round", number) % 2**31 if rounds else settings.seed
-                each = replace(settings.each, seed=seed, resume=True)
+                each = replace(settings.each, seed=seed)
                 sought = partial(next_gait, last, by, each, had_by(asked.robot, task, tried), progress)
                 found = kept(number, sought) if kept else sought()
                 by = told_by(found, number, each, task, (last, by))

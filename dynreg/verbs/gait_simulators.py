@@ -17,8 +17,10 @@ from dynreg.rng import stream, stream_seed
 from dynreg.sim.config import SimConfig
 from dynreg.verbs.neighbours import judged
 from dynreg.verbs.query import QuerySettings, query, retrieved
-from dynreg.verbs.simulators import NOMINAL, POSTERIOR, WORDS, Simulator, own, simulator
+from dynreg.verbs.simulators import NAMES, NOMINAL, POSTERIOR, WORDS, Simulator, own, simulator
 from dynreg.verbs.subjects import Recorded, population_for
+
+EARLIER = "earlier"  # the kind of a simulator that an earlier log told
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,7 @@ def choose(
     """The simulators that `on` names: `settings.k` of them, or the listed ones. many : of the posterior, at most.
 
     Words that refer to a query run it again with `settings`. Raises NoMatchError if no simulator is close enough or a
-    name is unknown, UsageError if a simulator is of another robot or there are too few.
+    name is unknown, UsageError if a simulator is of another robot or is named twice, or there are too few.
     """
     if on in _MADE:
         return _MADE[on](asked, settings, seed)
@@ -50,9 +52,26 @@ def choose(
             source = asked.registry.latest("neighbours", asked.recording.id).id
             return Chosen(on, ("neighbour",) * len(named), named, source)
     refs = [ref.strip() for ref in on.split(",")]
-    named = simulators_named(asked, refs)
-    kinds = tuple(ref if ref in WORDS else _kind(one) for ref, one in zip(refs, named, strict=True))
+    named = tuple(
+        one
+        if one.id is not None
+        else _nominal(asked, settings, seed).simulators[0]  # which nobody registered yet
+        for one in simulators_named(asked, refs)
+    )
+    _require_different(on, [one.id for one in named])
+    kinds = tuple(ref if ref in NAMES else _kind(one) for ref, one in zip(refs, named, strict=True))
     return Chosen(on, kinds, named, named[0].source)
+
+
+def _require_different(on: str, ids: Sequence[str]) -> None:
+    """UsageError where two of the listed simulators are one."""
+    if twice := [one for i, one in enumerate(ids) if one in ids[:i]]:
+        raise UsageError(
+            f"on {on!r} names simulator {twice[0][:12]} twice",
+            expected="each simulator once, for it would count twice",
+            do="name it once",
+            setting="on",
+        )
 
 
 def trials_in(
@@ -70,10 +89,11 @@ def trials_in(
 def with_earlier(asked: Recorded, chosen: Chosen, ids: Sequence[str], most: int | None = None) -> Chosen:
     """The chosen simulators, and those that were chosen by the same word before (their ids), each once.
 
-    most : of all, at most; where there are more, half are earlier ones, the first before others. A first log of many
-    short trials tells more than one of a walk.
+    The kind of these is "earlier": what they were to another log, they are not to this one. most : of all, at most;
+    where there are more, half are earlier ones, the first before others. A first log of many short trials tells more
+    than one of a walk.
     """
-    has, kind = {one.id for one in chosen.simulators}, chosen.kinds[-1]
+    has = {one.id for one in chosen.simulators}
     earlier = [i for i in dict.fromkeys(ids) if i not in has]
     if most is not None and len(has) + len(earlier) > most:
         earlier = earlier[: max(most - len(has), most // 2)]
@@ -83,7 +103,7 @@ def with_earlier(asked: Recorded, chosen: Chosen, ids: Sequence[str], most: int 
             simulators=chosen.simulators[: most - len(earlier)],
         )
     more = simulators_named(asked, earlier)
-    kinds = (*chosen.kinds, *[kind] * len(more))
+    kinds = (*chosen.kinds, *[EARLIER] * len(more))
     return replace(chosen, kinds=kinds, simulators=(*chosen.simulators, *more))
 
 

@@ -4,7 +4,7 @@ import hashlib
 import json
 import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -39,25 +39,9 @@ class Journals:
         """
         return _hash({**self.question, **self.how, **limits, "versions": versions()})
 
-    @contextmanager
-    def held(self, stage: str) -> Iterator[None]:
-        """Keep this stage from other runs of the same calibration for the block; UsageError where one is on it."""
-        if self.registry.read_only:
-            yield
-            return
-        path = self.registry.path / LOCKS / f"{self._path(stage).stem}.lock"
-        with try_lock(path) as mine:
-            if not mine:
-                raise UsageError(
-                    "another run of the same calibration has not ended",
-                    expected="one at a time, for each would spoil what the other keeps",
-                    do="wait for it, stop it, or give another --seed",
-                )
-            try:
-                yield
-            finally:
-                with suppress(PermissionError):  # Windows removes no file that is open
-                    path.unlink(missing_ok=True)  # while it is held, so that it is nobody else's
+    def held(self, stage: str) -> AbstractContextManager[None]:
+        """Keep this stage from other runs of the same calibration for a block; UsageError where one is on it."""
+        return held(self.registry, self._path(stage), "calibration")
 
     def left(self, stage: str) -> list[float] | None:
         """What the last step of a stage found, in the journal that an interrupted run has left; None where none is.
@@ -128,17 +112,48 @@ class Journals:
             if why := damage(path):
                 warnings.warn(f"{str(path)!r}: {why}; the simulations of {stage!r} are run again", Assumed, 3)
             return not why
-        begun = head(path)
-        if begun is None or begun.get("versions") == versions():
-            return True
-        by = ", ".join(f"{name} {version}" for name, version in begun.get("versions", {}).items())
-        told = f"simulations of {stage!r} were run by {by or 'an older version'}: they are run again"
-        warnings.warn(told, Assumed, 3)
-        return False
+        return by_these_versions(path, f"simulations of {stage!r}")
 
     def _path(self, stage: str) -> Path:
         begins, ends = _hash({**self.question, "stage": stage}), _hash(self.how)
         return self.registry.journal_path(f"{begins}-{ends}")
+
+
+@contextmanager
+def held(registry: Registry, journal: Path, what: str) -> Iterator[None]:
+    """Keep a journal from other runs of the same calibration or search, which is named by `what`, for the block.
+
+    Raises UsageError where one is on it.
+    """
+    if registry.read_only:
+        yield
+        return
+    path = registry.path / LOCKS / f"{journal.stem}.lock"
+    with try_lock(path) as mine:
+        if not mine:
+            raise UsageError(
+                f"another run of the same {what} has not ended",
+                expected="one at a time, for each would spoil what the other keeps",
+                do="wait for it, stop it, or give another --seed",
+            )
+        try:
+            yield
+        finally:
+            with suppress(PermissionError):  # Windows removes no file that is open
+                path.unlink(missing_ok=True)  # while it is held, so that it is nobody else's
+
+
+def by_these_versions(journal: Path, what: str) -> bool:
+    """Whether what a journal holds (`what`) was run by these versions; where not, a warning says that it is run again.
+
+    Of a damaged first line `Journal` tells.
+    """
+    begun = head(journal)
+    if begun is None or begun.get("versions") == versions():
+        return True
+    by = ", ".join(f"{name} {version}" for name, version in begun.get("versions", {}).items())
+    warnings.warn(f"{what} were run by {by or 'an older version'}: they are run again", Assumed, 2)
+    return False
 
 
 def _hash(told: Mapping[str, Any]) -> str:

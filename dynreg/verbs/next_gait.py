@@ -1,10 +1,11 @@
 """The next gait of trials on a robot: what the trials before tell of where it is sought."""
 
+import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from dynreg.errors import LogError, NoMatchError, UsageError
+from dynreg.errors import Assumed, CorruptError, LogError, NoMatchError, UsageError
 from dynreg.gait.had import Had
 from dynreg.progress import Progress
 from dynreg.verbs.gait import GaitSettings, gait
@@ -68,14 +69,23 @@ def next_gait(
 ) -> "Gait":
     """The gait by the last recording or, where that does not tell in which simulators to seek, by the one before.
 
-    Raises as `gait`.
+    An interrupted search goes on. Raises as `gait`.
     """
     try:
-        return gait(last, settings, progress, had=had)
+        return _gone_on(last, settings, had, progress)
     except (NoMatchError, LogError):
         if before is last:
             raise
-    return gait(before, settings, progress, had=had)
+    return _gone_on(before, settings, had, progress)
+
+
+def _gone_on(asked: "Recorded", settings: GaitSettings, had: Had, progress: Progress | None) -> "Gait":
+    """The gait by a recording; a search whose journal cannot be gone on with begins anew, with a warning."""
+    try:
+        return gait(asked, replace(settings, resume=True), progress, had=had)
+    except CorruptError as error:
+        warnings.warn(f"{error.problem}: the search begins anew", Assumed, 2)
+    return gait(asked, replace(settings, resume=False), progress, had=had)
 
 
 def told_by(
@@ -83,7 +93,13 @@ def told_by(
 ) -> "Recorded":
     """The recording that told the simulators of a gait; UsageError where a kept one was sought otherwise."""
     robot = asked[0].robot
-    own = {"robot_hash": robot.hash, "task": task.name, "on": settings.on, "method": settings.method}
+    if found.robot_hash != robot.hash:
+        raise UsageError(
+            f"the gait of trial {number} was sought for another version of the robot, {found.robot_hash[:12]}",
+            expected=f"{robot.name} {robot.hash[:12]}, as this command says",
+            do="name the folder of that version, or another folder for the trials",
+        )
+    own = {"task": task.name, "on": settings.on, "method": settings.method}
     own |= {"accept": settings.search(1).accept, "seed": settings.seed}
     for name, value in own.items():
         if (was := getattr(found, name)) != value:

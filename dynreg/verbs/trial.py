@@ -31,8 +31,8 @@ class TrialSettings(Settings):
         "every" (each effect that the robot can have, `count` robots with each).
     truth, physics : "independent" robots are simulated by other code than the model's, with the library's physics or
         other; `effects` are then one of their causes.
-    Raises UsageError if `effects` is given without "chosen", or "chosen" without `effects`; and for other physics of
-    the library's own robots.
+    Raises UsageError if `effects` is given without "chosen", or "chosen" without `effects`, or an effect twice; and for
+    other physics of the library's own robots.
     """
 
     hide: str = option("drawn", "How hidden effects are chosen.", choices=HIDES, flag=None)
@@ -71,8 +71,14 @@ class TrialSettings(Settings):
                 expected="'same': the library's own hidden robots have its physics",
                 do="add `--truth independent`, or leave `--physics` out",
             )
-        for key in self.effects if self.truth == "own" else ():
-            term(key)
+        hidden = [term(key) for key in self.effects] if self.truth == "own" else []
+        told = [(one.effect.id, *sorted(one.at)) for one in hidden] or self.effects
+        if twice := [key for i, key in enumerate(self.effects) if told[i] in told[:i]]:
+            raise UsageError(
+                f"effect {twice[0]!r} twice in one robot",
+                expected="different effects, or one at different places",
+                do="name each once",
+            )
 
 
 def trial(asked: "Built", settings: TrialSettings, progress: Progress | None = None) -> "TrialTable":

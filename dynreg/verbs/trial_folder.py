@@ -65,8 +65,9 @@ class TrialFolder:
     def played(self, actions: np.ndarray, rate: float, name: str) -> "Recording":
         """The log of a trial: commands (T, A) are written for the robot, and its log is waited for.
 
-        Raises UsageError where the folder has another trial of this name, or a log of it before its commands; LogError
-        and MapError for a log that cannot be read: a mended one serves at the next start.
+        Raises UsageError where the folder has another trial of this name, or a log of it before its commands, or where
+        it is moved or deleted meanwhile; LogError and MapError for a log that cannot be read: a mended one serves at
+        the next start.
         """
         self._write(actions, rate, name)
         if self._log(name) is None:
@@ -122,7 +123,7 @@ class TrialFolder:
             if log in logs and len(logs) > 1:
                 if len(logs) != many:
                     names = ", ".join(path.name for path in logs)
-                    self.say(f"{names} would all be the log of {name}: it is waited until one is left")
+                    self.say(f"{names} would all be the log of {name}: leave one of them")
                 log = None
             many = len(logs)
             strange = self._names() - there - {path.name for path in logs}
@@ -142,10 +143,19 @@ class TrialFolder:
             time.sleep(EVERY)
 
     def _names(self) -> set[str]:
-        """Names of the files in the folder, but those that are hidden or under way to a name: a copy, an editor's."""
-        return {
-            path.name for path in self.path.iterdir() if path.name[0] != "." and path.suffix not in UNDER_WAY
-        }
+        """Names of the files in the folder, but those that are hidden or under way to a name: a copy, an editor's.
+
+        Raises UsageError where the folder is gone.
+        """
+        try:
+            there = [*self.path.iterdir()]
+        except OSError as error:
+            raise UsageError(
+                f"the folder for trials {str(self.path)!r} cannot be read any more: {error.strerror}",
+                expected="the folder where it was, until the trials end",
+                do=f"put it back; then {self.goes_on}",
+            ) from None
+        return {path.name for path in there if path.name[0] != "." and path.suffix not in UNDER_WAY}
 
 
 def state(log: Path) -> State | None:

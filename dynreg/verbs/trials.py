@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from dynreg.diagnose.independent import require_truth
 from dynreg.diagnose.threshold import Threshold
 from dynreg.diagnose.trial import (
     Trial,
@@ -118,9 +119,13 @@ def jobs(robot: Robot, hide: str, effects: tuple[str, ...], size: str, count: in
 def independent_jobs(
     robot: Robot, hide: str, causes: tuple[str, ...], size: str, count: int, seed: int, physics: str
 ) -> list[Trial]:
-    """As `jobs`, for hidden robots by other code; one cause each. `physics` chooses among those that are drawn."""
+    """As `jobs`, for hidden robots by other code; one cause each. `physics` chooses among those that are drawn.
+
+    Raises UsageError for a robot that no such code is of, and for causes that it cannot have.
+    """
     from dynreg.truths.table import causes_of, sized
 
+    require_truth(robot)
     able = causes_of(robot.name, physics)
     seeds = [stream_seed(seed, "trial", i) % 2**31 for i in range(count)]
     if hide == "nothing":

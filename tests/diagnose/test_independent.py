@@ -1,5 +1,7 @@
 """Trials of hidden robots by other code: what they hide, what is right for it, and a diagnosis of each sort."""
 
+import shutil
+
 import numpy as np
 import pytest
 
@@ -11,8 +13,9 @@ from dynreg.evidence.truth import protocol
 from dynreg.results.trials import TrialTable
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
-from dynreg.verbs.trial import TrialSettings
+from dynreg.verbs.trial import TrialSettings, trial
 from dynreg.verbs.trials import independent_jobs, results_of
+from dynreg.verbs.verb import Built
 
 
 @pytest.fixture(scope="module")
@@ -54,6 +57,20 @@ def test_a_cause_in_one_joint_is_right_there():
 def test_robots_without_a_truth_are_refused_with_those_that_have_one():
     with pytest.raises(UsageError, match="expected one of .*servo_pendulum.*diffdrive"):
         hide_independent(load_robot("leg"), None, None, 1)
+
+
+def test_a_changed_robot_has_not_the_truth_of_the_one_whose_name_it_has(servo, tmp_path):
+    folder = tmp_path / "servo_pendulum"
+    shutil.copytree(servo.folder, folder)
+    hide_independent(load_robot(folder), None, None, 1)  # a copy is the same robot
+    text = (folder / "robot.toml").read_text(encoding="utf-8")
+    (folder / "robot.toml").write_text(text + "\n# heavier\n", encoding="utf-8")
+    changed = load_robot(folder)
+    with pytest.raises(UsageError, match="is not the one of that name that comes with dynreg"):
+        hide_independent(changed, None, None, 1)
+    asked = Built(None, changed)  # no registry: it is refused before the threshold
+    with pytest.raises(UsageError, match="is not the one of that name that comes with dynreg"):
+        trial(asked, TrialSettings(hide="nothing", truth="independent", threads=1))
 
 
 def test_a_log_is_that_of_the_protocol(servo):

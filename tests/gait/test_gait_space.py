@@ -113,6 +113,25 @@ def test_a_robot_without_legs_has_no_gait() -> None:
         gait_space(load_robot("servo_pendulum"))
 
 
+MOTION = '[[motions]]\nname = "wave"\njoints = ["fl_shoulder"]\n'
+
+
+@pytest.mark.parametrize(("kind", "number"), [("torque", "gain"), ("speed", "rate_gain")])
+def test_a_leg_that_is_told_no_angles_has_no_gait(kind: str, number: str, brief_folder, tmp_path) -> None:
+    import shutil
+
+    shutil.copytree(brief_folder, tmp_path / "own")
+    path = tmp_path / "own" / "robot.toml"
+    text = path.read_text(encoding="utf-8")
+    drive = f'[[drives]]\njoint = "fl_elbow"\ntype = "{kind}"\n{number} = 1.0\n\n[[drives]]'
+    path.write_text(text.replace("[[drives]]", drive, 1) + MOTION, encoding="utf-8")
+    robot = load_robot(tmp_path / "own")
+    with pytest.raises(RobotError, match=f"'fl_elbow' .* has a drive of type '{kind}', and a gait tells"):
+        gait_space(robot)
+    # a motion that leaves this joint alone may be made
+    assert gait_space(robot, "wave").names[0] == "fl_shoulder_1"
+
+
 BAD = {
     'elbow = "fl_elbow"': ('elbow = "fl_knee"', "no action drives joint 'fl_knee'"),
     'mirrored = ["hip"]': ('mirrored = ["wing"]', "mirrors"),

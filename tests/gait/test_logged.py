@@ -1,6 +1,8 @@
 """A walk read from the log of a trial: as far as the robot went, fallen where it fell, and no other trial's."""
 
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ from dynreg.gait.tasks import task_of
 from dynreg.gait.trials import Simulators, Trials
 from dynreg.sim.excitation import excitation
 from dynreg.sim.real import Budget, RealTrial, SimulatedRobot
-from dynreg.sim.robot import Robot
+from dynreg.sim.robot import Robot, load_robot, packaged_robots
 
 RATE = 36.0
 
@@ -87,6 +89,35 @@ def test_a_log_may_begin_before_the_gait_and_hold_places(quadruped, gaits, tried
     )  # heights, by which it may have fallen, from that at rest
 
 
+def _with_keyframe(robot: Robot, height: float, folder: Path) -> Robot:
+    """The robot, whose keyframe has the base at another height."""
+    shutil.copytree(packaged_robots()[robot.name], folder)
+    model = (folder / "model.xml").read_text(encoding="utf-8")
+    lifted = model.replace('qpos="0 0 0.24 ', f'qpos="0 0 {height} ')
+    assert lifted != model
+    (folder / "model.xml").write_text(lifted, encoding="utf-8")
+    return load_robot(folder)
+
+
+@pytest.mark.parametrize("height", [0.0, 0.6])
+def test_heights_are_counted_from_where_the_robot_stands_not_from_its_keyframe(
+    quadruped, gaits, tried, tmp_path, height: float
+) -> None:
+    robot = _with_keyframe(quadruped, height, tmp_path / "quadruped")
+    true = tried[0].walk.base[0, 0]
+    walk = trial_of(robot, tried[0].recording, gaits[0], RATE)
+    assert not walk.fell
+    assert walk.walk.base[0, 0, 0, 2] == pytest.approx(true[0, 2], abs=0.005)
+
+    log, (e,) = tried[0].recording, tried[0].recording.episodes
+    sinks = 7.0 + true[:, 2:3] - np.linspace(0.0, 0.25, len(true))[:, None]
+    z = replace(log.channels[0], name="base/z", unit="m")
+    seen = replace(e, values=np.concatenate([e.values, sinks], axis=1))
+    sunk = trial_of(robot, replace(log, channels=(*log.channels, z), episodes=(seen,)), gaits[0], RATE)
+    assert sunk.fell
+    assert 0.6 * len(true) < sunk.walk.fell[0, 0] < len(true)
+
+
 @pytest.mark.parametrize(
     "share, lead", [(0.95, 0.0), (0.92, 2.0), (0.85, 0.0), (0.5, 0.0), (0.4, 1.5), (0.3, 4.0)]
 )
@@ -100,6 +131,45 @@ def test_a_robot_that_was_stopped_counts_as_fallen(
     assert found.fell == (share < 0.9)
     (episode,) = found.recording.episodes  # the trial alone, without the lead
     assert np.array_equal(episode.values, tried[0].recording.episodes[0].values[:rows])
+
+
+def cut(log: Recording, *spans: tuple[float, float], lead: float = 0.0) -> Recording:
+    """The log cut at gaps: an episode for each span [s], after one at rest for `lead` seconds."""
+    (e,) = changed(log, lead=lead).episodes
+    spans = (*([(-lead, -0.1)] if lead else ()), *spans)
+    rows = [(e.time >= begin) & (e.time < end) for begin, end in spans]
+    pieces = (replace(e, name=f"e{i}", time=e.time[r], values=e.values[r]) for i, r in enumerate(rows))
+    return replace(log, episodes=(*pieces,))
+
+
+@pytest.mark.parametrize("lead", [0.0, 1.0])
+def test_a_log_that_was_cut_at_a_gap_is_read_across_it(quadruped, gaits, tried, lead: float) -> None:
+    log = cut(tried[0].recording, (0.0, 1.4), (1.65, 9.0), lead=lead)
+    found, whole = (trial_of(quadruped, one, gaits[0], RATE) for one in (log, tried[0].recording))
+    assert not found.fell
+    assert np.abs(found.walk.base[0, 0, -1, :2] - whole.walk.base[0, 0, -1, :2]).max() < 0.1
+    # kept in two episodes: what is made of its rows must not take the gap for one step
+    assert [len(e.time) for e in found.recording.episodes] == pytest.approx([51, 49], abs=1)
+
+
+def test_a_log_that_is_silent_for_much_of_a_trial_tells_no_fall(quadruped, gaits, tried) -> None:
+    with pytest.raises(LogError, match="silent for 0.8"):
+        trial_of(quadruped, cut(tried[0].recording, (0.0, 1.4), (2.2, 9.0)), gaits[0], RATE)
+    # the robot lay there by then
+    (e,) = tried[1].recording.episodes
+    time = e.time[-1] + 1.5 + np.arange(20) / RATE
+    after = replace(e, name="after", time=time, values=np.repeat(e.values[-1:], 20, axis=0))
+    found = trial_of(quadruped, replace(tried[1].recording, episodes=(e, after)), gaits[1], RATE)
+    assert found.walk.fell[0, 0] == tried[1].walk.fell[0, 0]
+
+
+def test_other_commands_after_a_gap_are_no_part_of_a_trial_that_was_stopped(quadruped, gaits, tried) -> None:
+    (e,) = cut(tried[0].recording, (0.0, 1.4)).episodes
+    (other,) = tried[1].recording.episodes
+    later = replace(other, name="later", time=other.time + 2.0)
+    found = trial_of(quadruped, replace(tried[0].recording, episodes=(e, later)), gaits[0], RATE)
+    assert found.walk.fell[0, 0] == 51
+    assert [one.name for one in found.recording.episodes] == ["e0"]
 
 
 def test_what_a_robot_does_after_a_trial_or_a_fall_is_left_out(quadruped, gaits, tried) -> None:

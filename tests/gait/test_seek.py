@@ -16,6 +16,7 @@ from dynreg.gait.seek import (
     Sought,
     best_again,
     expected,
+    ranks,
     search_of,
     seek,
 )
@@ -213,6 +214,23 @@ def test_of_the_last_gaits_the_one_that_falls_least_often_is_taken(trials, monke
     )
     for accept in ("min", "mean"):
         assert np.array_equal(of(accept)[0], unit[0])
+
+
+def test_of_gaits_that_achieve_nothing_the_one_that_stands_is_better(trials, monkeypatch) -> None:
+    values, falls = np.array([0.0, -0.01, -0.4, 0.1, 0.0, -0.2]), np.array([9, 0, 0, 5, 3, 3])
+    order = sorted(range(6), key=lambda i: tuple(ranks(values, falls)[i]), reverse=True)
+    assert order == [3, 1, 2, 4, 5, 0]
+
+    unit = np.tile(trials.space.starts[0], (2, 1))
+    unit[1, 0] = 0.2
+    stands = trials.space.from_unit(unit[1])[0]
+
+    def graded(genes: np.ndarray, draws: int, **_: object) -> np.ndarray:
+        return np.tile(np.where(np.isclose(genes[:, 0], stands), -0.01, -999.0)[:, None, None], (1, draws, 2))
+
+    monkeypatch.setattr(trials, "again", graded)
+    best, finals = best_again(trials, SearchSettings(), unit, ((2, 1), (2, 2)))
+    assert np.array_equal(best, unit[1]) and finals == Finals(6, 0, pytest.approx(-0.01))
 
 
 @pytest.mark.parametrize(

@@ -42,6 +42,19 @@ def test_every_search_climbs_and_keeps_its_budget(name: str) -> None:
     assert np.allclose(found.grades, hump(found.best[None])[0])
 
 
+def test_ranks_say_which_is_the_best_where_values_alone_do_not() -> None:
+    """Values from -0.3 on are alike, and of these the lowest is the best."""
+    tenths = lambda asked: -np.rint(10 * asked[:, :1]) / 10  # noqa: E731
+
+    def ranked(grades: np.ndarray) -> tuple[np.ndarray, ...]:
+        values = grades[:, 0]
+        return values, np.zeros(len(values)), np.stack([np.minimum(values, -0.3), -values], axis=1)
+
+    found = drive(MAKE["random"](stream(0, "ranks")), tenths, ranked, Limits(100))
+    assert found.value == pytest.approx(-0.3)
+    assert [value for _, value in found.history][-1] == found.value
+
+
 def test_no_batch_is_begun_that_the_budget_has_no_room_for() -> None:
     """Batches of 5 while it screens, of 7 then."""
     for budget, used in ((10, 10), (16, 10), (17, 17), (23, 17), (24, 24)):

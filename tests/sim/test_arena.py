@@ -1,5 +1,8 @@
 """Simulators set up once for many runs: every run is the first one, and walks end at a fall."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -8,7 +11,7 @@ from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.effects import Terms
 from dynreg.sim.engines import Arena, rollout
 from dynreg.sim.excitation import excitation
-from dynreg.sim.robot import load_robot
+from dynreg.sim.robot import load_robot, packaged_robots
 from dynreg.sim.run import Run, motor_noise
 
 EFFECTS = {
@@ -133,3 +136,37 @@ def test_feet_of_a_standing_robot_touch_the_ground_and_of_a_falling_one_leave_it
     assert all(touching[0, 0, 1:].all() for touching in feet.values())
     assert not feet["fl_foot"][0, 1, 15:].all()
     assert arena.walk(run).contact == {}
+
+
+def contacts(folder: Path, *changes: tuple[str, str]) -> dict[str, np.ndarray]:
+    """Which feet of a standing quadruped touch the ground, where some lines of its model are changed."""
+    own = packaged_robots()["quadruped"]
+    model = (own / "model.xml").read_text(encoding="utf-8")
+    for old, new in changes:
+        assert re.search(old, model)
+        model = re.sub(old, new, model)
+    (folder / "model.xml").write_text(model, encoding="utf-8")
+    text = (own / "robot.toml").read_text(encoding="utf-8").replace("[ground,*_foot,torso]", "[ground,torso]")
+    (folder / "robot.toml").write_text(text, encoding="utf-8")
+    robot = load_robot(folder)
+    run = Run(np.tile(robot.model.keyframe("stance").ctrl, (1, 20, 1)), period=1 / robot.rate)
+    return Arena(robot, robot.space.nominal[None], run, threads=1).walk(run, feet=True).contact
+
+
+def test_each_foot_has_a_name_of_its_own_where_the_model_names_none(tmp_path) -> None:
+    feet = contacts(tmp_path, ('name="[fr][lr]_foot" ', ""))
+    assert len(feet) == 4 and all(touching[0, 0, 1:].all() for touching in feet.values())
+    assert {name[:3] for name in feet} == {"fl_", "fr_", "rl_", "rr_"}  # their bodies
+    # two on one body, which also are at one place
+    twice = contacts(tmp_path, ('<geom name="fl_foot" ([^>]*)/>', r"<geom \1/><geom \1/>"))
+    assert len(twice) == 5 and sum(name.startswith("geom ") for name in twice) == 2
+
+
+def test_a_foot_that_the_ground_alone_looks_for_is_one(tmp_path) -> None:
+    feet = contacts(
+        tmp_path,
+        ('mass="0" contype="1"', 'mass="0" conaffinity="1"'),
+        ('0.1" conaffinity="1"', '0.1" contype="1"'),
+    )
+    assert sorted(feet) == ["fl_foot", "fr_foot", "rl_foot", "rr_foot"]
+    assert all(touching[0, 0, 1:].all() for touching in feet.values())

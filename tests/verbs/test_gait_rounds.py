@@ -12,7 +12,7 @@ import toy_dog
 
 from dynreg import session
 from dynreg.data.recording import Recording
-from dynreg.errors import LogError, MapError, NoMatchError, UsageError
+from dynreg.errors import Assumed, LogError, MapError, NoMatchError, UsageError
 from dynreg.gait import forecast
 from dynreg.gait.had import Had
 from dynreg.gait.logged import LoggedRobot
@@ -219,7 +219,7 @@ def test_simulators_of_earlier_logs_are_no_answers_of_this_one(opened, brief) ->
     one, two = (simulator(opened.registry, i, brief) for i in opened.ids)
     chosen = Chosen("posterior", ("answer", "posterior"), (one, one))
     more = with_earlier(asked, chosen, (one.id, two.id))
-    assert more.kinds == ("answer", "posterior", "posterior") and more.simulators[2].id == two.id
+    assert more.kinds == ("answer", "posterior", "earlier") and more.simulators[2].id == two.id
 
 
 def test_of_too_many_simulators_half_are_of_earlier_logs(opened, brief) -> None:
@@ -243,8 +243,9 @@ def test_of_too_many_simulators_half_are_of_earlier_logs(opened, brief) -> None:
     ):
         more = with_earlier(asked, chosen, (newest[1], *earlier, earlier[0]), most)
         assert [one.id for one in more.simulators] == told
-        # only the newest log's is an answer
-        assert more.kinds == ("answer", *["posterior"] * (len(told) - 1))
+        # what they were to an earlier log, they are not to this one
+        new = [identity in newest for identity in told]
+        assert more.kinds == ("answer", *("posterior" if one else "earlier" for one in new[1:]))
     assert [one.id for one in with_earlier(asked, chosen, (), 4).simulators] == newest
 
 
@@ -303,6 +304,19 @@ def test_where_an_error_ends_the_trials_what_they_brought_is_kept(opened, brief,
     assert isinstance(kept, GaitRounds) and kept.ended == "interrupted after trial 2"
     assert [one.fitness for one in kept.rounds] == [pytest.approx(one.worth) for one in kept.rounds]
     assert len(kept.rounds) == 2 and kept.seconds == pytest.approx(3.0)  # in the third it may have moved
+
+
+def test_a_search_that_cannot_be_gone_on_with_begins_anew(opened, brief) -> None:
+    def interrupt(*told: object) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        opened.gait_rounds("log", robot_of(brief), trials=1, **(ASKED | {"progress": interrupt}))
+    (journal,) = (opened.path / "searches").glob("*.jsonl")
+    journal.write_text(journal.read_text(encoding="utf-8").replace("asked", "told"), encoding="utf-8")
+    with pytest.warns(Assumed, match=r"line 2 of .* is damaged: the search begins anew"):
+        found = opened.gait_rounds("log", robot_of(brief), trials=1, **ASKED)
+    assert len(found.rounds) == 1 and not [*(opened.path / "searches").glob("*")]
 
 
 @pytest.mark.parametrize("name", ["_fitness", "forecasts"])
@@ -482,6 +496,14 @@ def test_trials_through_a_folder_are_those_of_the_robot_and_a_second_start_goes_
         with pytest.raises(UsageError, match=f"was sought with {next(iter(other))} .*the first start"):
             opened.gait_rounds("log", folder, trials=2, **(asked | other))
 
+    kept = (folder / "gait_1.json").read_text()
+    (folder / "gait_1.json").write_text(json.dumps(json.loads(kept) | {"robot_hash": "0123456789abcdef" * 4}))
+    with pytest.raises(
+        UsageError, match="sought for another version of the robot, 0123456789ab; expected quadruped"
+    ):
+        opened.gait_rounds("log", folder, trials=2, **asked)
+    (folder / "gait_1.json").write_text(kept)
+
     # a folder that an older version began has the method's former name
     older = json.loads((folder / "gait_1.json").read_text()) | {"method": "cmaes"}
     (folder / "gait_1.json").write_text(json.dumps(older))
@@ -555,9 +577,7 @@ def test_while_there_are_two_logs_neither_is_taken_nor_called_unread(
     monkeypatch.setattr("dynreg.verbs.trial_folder.time", clock)
     assert TrialFolder(tmp_path, None, brief, say=said.append)._arrived("trial_1") == log
     assert clock.now >= 61.0
-    assert [line.partition(":")[0] for line in said] == [
-        "trial_1_log (1).csv, trial_1_log.csv would all be the log of trial_1"
-    ]
+    assert said == ["trial_1_log (1).csv, trial_1_log.csv would all be the log of trial_1: leave one of them"]
 
 
 def test_a_log_that_goes_away_is_waited_for_again(
@@ -578,6 +598,20 @@ def test_a_log_that_goes_away_is_waited_for_again(
     monkeypatch.setattr("dynreg.verbs.trial_folder.state", looked)
     assert TrialFolder(tmp_path, None, brief, say=print)._arrived("trial_1") == log
     assert 61.0 + QUIET <= clock.now <= 61.0 + QUIET + 2 * EVERY
+
+
+def test_a_folder_that_goes_away_while_its_log_is_waited_for_is_named(
+    brief: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = tmp_path / "trials"
+    place.mkdir()
+    clock = Clock([(5.0, lambda: place.rename(tmp_path / "moved"))])
+    monkeypatch.setattr("dynreg.verbs.trial_folder.time", clock)
+    folder = TrialFolder(place, None, brief, say=lambda _: None)
+    with pytest.raises(
+        UsageError, match="trials' cannot be read any more: No such file.*the same command goes on"
+    ):
+        folder.played(np.zeros((5, len(brief.actions))), brief.rate, "trial_1")
 
 
 def test_a_file_with_another_name_than_the_log_is_told_once(

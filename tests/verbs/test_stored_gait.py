@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from dynreg import session
-from dynreg.errors import NoMatchError, PictureError, UsageError
+from dynreg.errors import Assumed, NoMatchError, PictureError, UsageError
 from dynreg.gait import play
 from dynreg.gait.play import commands
 from dynreg.gait.space import gait_space
@@ -23,6 +23,7 @@ from dynreg.sim.config import SimConfig
 from dynreg.sim.excitation import excitation
 from dynreg.sim.real import SimulatedRobot
 from dynreg.sim.robot import load_robot
+from dynreg.verbs import accepted
 from dynreg.verbs.gait import MANY, MEETS, SOURCES, GaitSettings
 from dynreg.verbs.gait import ROLLOUTS as ROLLOUTS_IN_DRAWS
 from dynreg.verbs.simulators import NAMES
@@ -308,17 +309,59 @@ def test_simulators_of_other_robots_and_unknown_ones_are_refused(opened: Session
         opened.gait("log", on="nominal", k=0)
 
 
-def test_an_interrupted_gait_goes_on(opened: Session) -> None:
+def interrupted(opened: Session, **settings: object) -> Path:
+    """The journal of a search that was interrupted after its first batch."""
+
     def interrupt(*told: object) -> None:
         raise KeyboardInterrupt
 
-    settings = {"on": "nominal", "rollouts": ROLLOUTS, "seed": 9, "threads": 1}
     with pytest.raises(KeyboardInterrupt):
         opened.gait("log", **settings, progress=interrupt)
-    assert len(list((opened.path / "searches").glob("*.jsonl"))) == 1 and opened.verify().clean
+    (path,) = (opened.path / "searches").glob("*.jsonl")
+    return path
+
+
+def test_an_interrupted_gait_goes_on(opened: Session) -> None:
+    settings = {"on": "nominal", "rollouts": ROLLOUTS, "seed": 9, "threads": 1}
+    interrupted(opened, **settings)
+    assert opened.verify().clean
     resumed = opened.gait("log", **settings, resume=True)
     assert resumed.resumed == 10
     assert resumed.genes == opened.gait("log", **settings).genes
+
+
+def test_the_nominal_simulator_may_stand_in_a_list_and_none_may_stand_there_twice(opened: Session) -> None:
+    one = opened.registry.ids("simulator")[0]
+    settings = {"rollouts": 2 * ROLLOUTS, "threads": 1}
+    both = opened.gait("log", on=f"nominal, {one}", **settings)
+    assert [trial.kind for trial in both.trials][0] == "nominal" and both.k == 2
+    assert both.trials[0].simulator != both.trials[1].simulator == one
+    for listed in (f"{one},{one}", f"{one},nominal,{one[:10]}", f"nominal,{both.trials[0].simulator}"):
+        with pytest.raises(UsageError, match="on .* names simulator .* twice"):
+            opened.gait("log", on=listed, **settings)
+
+
+def test_a_search_that_runs_is_not_begun_beside_itself(opened: Session) -> None:
+    settings = {"on": "nominal", "rollouts": ROLLOUTS, "seed": 10, "threads": 1}
+    ran = []
+
+    def beside(stage: str, done: int, total: int) -> None:
+        ran.append(done)
+        for resume in (False, True):
+            with pytest.raises(UsageError, match="another run of the same search for a gait has not ended"):
+                opened.gait("log", **settings, resume=resume)
+
+    opened.gait("log", **settings, progress=beside)
+    assert ran and not [*(opened.path / "searches").glob("*")]
+    assert not [*(opened.path / "locks").glob("*.lock")], "no lock stays"
+
+
+def test_what_other_versions_searched_is_run_again(opened: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    settings = {"on": "nominal", "rollouts": ROLLOUTS, "seed": 11, "threads": 1}
+    interrupted(opened, **settings)
+    monkeypatch.setattr(accepted, "version", lambda name: "9.9")
+    with pytest.warns(Assumed, match="gaits of an interrupted search were run by .*: they are run again"):
+        assert opened.gait("log", **settings, resume=True).resumed == 0
 
 
 @pytest.fixture

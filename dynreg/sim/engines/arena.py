@@ -22,7 +22,7 @@ from dynreg.sim.engines.mujoco_model import (
     quiet,
     told,
 )
-from dynreg.sim.engines.mujoco_reset import foot_spheres, reset
+from dynreg.sim.engines.mujoco_reset import foot_spheres, named_geoms, reset
 from dynreg.sim.engines.mujoco_steps import Drives, EffectSteps, Steps, busy_simulations
 from dynreg.sim.layout import Layout, base_motion, observe
 from dynreg.sim.ports import law_changes, servo_law
@@ -156,7 +156,7 @@ class Simulations:
         base, fell, taken = _walk(self.robot, self._batch, self.layout, steps, spheres, heights, places)
         bodies = None if places is None else np.swapaxes(places, 0, 1)
         touching = np.moveaxis(heights - model.geom_size[spheres, 0] < TOUCHING, 0, -1)
-        names = [model.geom(int(g)).name for g in spheres]
+        names = named_geoms(model, spheres)
         return Walk(base, fell, taken, {name: touching[:, i] for i, name in enumerate(names)}, bodies)
 
     def _trace(self, steps: Steps, *, read: bool = False) -> tuple[np.ndarray, np.ndarray]:

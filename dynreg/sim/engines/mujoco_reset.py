@@ -76,7 +76,16 @@ def _rail(model: mujoco.MjModel, layout: Layout) -> int:
 
 def foot_spheres(model: mujoco.MjModel) -> np.ndarray:
     """Numbers of the spheres that can touch the ground."""
-    return np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE) & (model.geom_contype > 0))
+    return np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE) & _collides(model))
+
+
+def named_geoms(model: mujoco.MjModel, geoms: np.ndarray) -> list[str]:
+    """A name for each of these geoms (their numbers): its own, else that of its body, where no other has it."""
+    own = [model.geom(int(g)).name for g in geoms]
+    bodies = [model.body(int(model.geom_bodyid[g])).name for g in geoms]
+    taken = [name or body for name, body in zip(own, bodies, strict=True)]
+    told = zip(own, bodies, geoms, strict=True)
+    return [name or (body if body and taken.count(body) == 1 else f"geom {g}") for name, body, g in told]
 
 
 def _clearance(batch: Batch, model: mujoco.MjModel, root: int) -> np.ndarray:
@@ -96,7 +105,12 @@ def _clearance(batch: Batch, model: mujoco.MjModel, root: int) -> np.ndarray:
 def touching(model: mujoco.MjModel, root: int) -> np.ndarray:
     """Numbers of the geoms on body `root` and on what it carries that can touch others."""
     carried = model.body_rootid[model.geom_bodyid] == model.body_rootid[root]
-    return np.flatnonzero(carried & ((model.geom_contype > 0) | (model.geom_conaffinity > 0)))
+    return np.flatnonzero(carried & _collides(model))
+
+
+def _collides(model: mujoco.MjModel) -> np.ndarray:
+    """(G,) which geoms can touch others; contacts take the `contype` of one and the `conaffinity` of the other."""
+    return (model.geom_contype > 0) | (model.geom_conaffinity > 0)
 
 
 def lowest(model: mujoco.MjModel, geom: int, centre: np.ndarray, turned: np.ndarray) -> np.ndarray:
