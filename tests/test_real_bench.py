@@ -64,7 +64,7 @@ def test_a_friction_that_parameters_and_causes_share_is_held_against_the_known_o
 def test_a_simulator_that_breaks_down_errs_by_more_than_any_that_does_not(bench: ModuleType) -> None:
     peers = import_module("servo_peers")
     measured = np.zeros((2, 4, 2))
-    windows = SimpleNamespace(measured=measured)
+    windows = SimpleNamespace(measured=measured, spread=np.ones(2))
     data, robot = (
         SimpleNamespace(use=np.array([0, 1]), windows=windows),
         SimpleNamespace(channels=("a/position", "a/velocity")),

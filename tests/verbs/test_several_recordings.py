@@ -102,7 +102,10 @@ def test_a_simulator_of_all_is_fitted_to_each(registry: Session, found: Diagnosi
 
     robot = load_robot("servo_pendulum")
     made = simulator(registry.registry, found.extended_simulator, robot, registry.recording("b").id)
-    assert made.fitted_to is None, "it has seen b, and nothing says which part"
+    told = (name.partition("[")[0] for part in ("fit", "select") for name in found.parts[part])
+    assert made.fitted_to == {name.removeprefix("b/") for name in told if name.startswith("b/")}
+    held_out = {name.partition("[")[0] for name in found.parts["test"]}
+    assert {f"b/{name}" for name in made.fitted_to}.isdisjoint(held_out)
 
 
 def test_recordings_that_are_too_short_alone_keep_the_joint_answer_and_get_a_note(
