@@ -34,7 +34,9 @@ def check_frame(episode: RawEpisode, where: str) -> Iterator[Finding]:
 
 
 def _known(series: Series) -> Series:
-    return series.rows(np.isfinite(series.values) & np.isfinite(series.time))
+    """Its rows with a number; of equal stamps the last, as everywhere."""
+    series = series.rows(np.isfinite(series.values) & np.isfinite(series.time))
+    return series.rows(np.append(np.diff(series.time) != 0, True)) if len(series) > 1 else series
 
 
 def _runs_on(series: Series) -> bool:

@@ -302,13 +302,13 @@ def _split_at_gaps(episode: RawEpisode, gap: float, held: Collection[str] = ()) 
     for i, (a, b) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
         channels = {}
         for name, series in episode.channels.items():
+            begin, end = longest.time[a], longest.time[b - 1]
             if len(series) == len(longest) and np.array_equal(series.time, longest.time):
                 channels[name] = series.rows(slice(a, b))
             else:  # on another clock rate: cut by time
-                begin, end = longest.time[a], longest.time[b - 1]
                 channels[name] = _between(series, begin - gap, end + gap)
-                if name in held:
-                    channels[name] = _standing(series, channels[name], begin)
+            if name in held:
+                channels[name] = _standing(series, channels[name], begin)
         if b - a > 1:
             pieces.append(replace(episode, name=f"{episode.name}_{i + 1}", channels=channels))
     return pieces
@@ -316,6 +316,7 @@ def _split_at_gaps(episode: RawEpisode, gap: float, held: Collection[str] = ()) 
 
 def _standing(series: Series, piece: Series, begin: float) -> Series:
     """A piece of a held signal, with the value before it that stands at `begin` [s]; of a clock that runs on."""
+    piece = piece.rows(np.isfinite(piece.values))
     if (len(piece) and piece.time[0] <= begin) or np.any(np.diff(series.time) < 0):
         return piece
     before = np.flatnonzero((series.time <= begin) & np.isfinite(series.values))

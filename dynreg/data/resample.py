@@ -27,8 +27,8 @@ def clean(series: Series) -> Series:
 def resample(episode: RawEpisode, spec: RecordingSpec) -> tuple[float, np.ndarray, np.ndarray]:
     """Bring an episode's channels to one time base.
 
-    States and inputs are interpolated linearly; actions and flags hold their last value. Where a state or an input is
-    silent, or any signal has NaN, for longer than can be filled in (`gaps.silences`), it is NaN. The grid runs from
+    States and inputs are interpolated linearly; actions and flags hold their last value. Where a state is silent, or
+    any signal has NaN, for longer than can be filled in (`gaps.silences`), it is NaN. The grid runs from
     the first stamp that all channels have reached to the last that none has left (flags and commands that are logged
     when they change stand until then), at `spec.rate`; without a rate it has the stamps of the first action.
 
@@ -61,8 +61,9 @@ def _unknown(
     nothing = raw.time[~np.isfinite(raw.values)]
     if channel.hold and 2 * len(nothing) > len(raw):
         return np.zeros(len(time), dtype=bool)  # it is logged when it changes, and holds
-    # a command holds until another comes; where control is timed, a row stands where a command begins
-    holds = channel.hold or spec.rate is None
+    # a command holds until another comes, and so may an input that is logged when it changes; where control is timed, a
+    # row stands where a command begins
+    holds = channel.kind != "state" or spec.rate is None
     return silent(known, time, nothing if holds else None)
 
 
@@ -95,8 +96,11 @@ def left_out(episode: RawEpisode, spec: RecordingSpec) -> Iterator[Finding]:
     begins, ends = _edges(_cleaned(episode), spec)
     start, end = max(begins.values()), min(ends.values())
     first, last = min(begins.values()), max(ends.values())
+    if spec.rate is None:
+        return
+    yield from _held_long(episode, spec, end, MUCH * (last - first))
     lost = start - first + last - end
-    if spec.rate is None or lost <= MUCH * (last - first):
+    if lost <= MUCH * (last - first):
         return
     late, early = max(begins, key=lambda n: begins[n]), min(ends, key=lambda n: ends[n])
     text = (
@@ -104,6 +108,19 @@ def left_out(episode: RawEpisode, spec: RecordingSpec) -> Iterator[Finding]:
         f"{begins[late]:.3f} s, {early!r} ends at {ends[early]:.3f} s"
     )
     yield Finding("warning", "span", f"{episode.file}, episode {episode.name}", text)
+
+
+def _held_long(episode: RawEpisode, spec: RecordingSpec, end: float, much: float) -> Iterator[Finding]:
+    """Commands that nobody sent for so many seconds at the end, and that are taken to hold."""
+    for channel in spec.channels:
+        series = clean(episode.channels.get(channel.name, Series(np.empty(0), np.empty(0))))
+        if channel.kind == "action" and len(series) and end - series.time[-1] > much:
+            last = float(series.time[-1])
+            text = (
+                f"the last command comes at {last:.3f} s and is taken to hold for {end - last:.3g} s; cut the log "
+                "there where the robot stopped listening"
+            )
+            yield Finding("warning", "span", f"{episode.file}, episode {episode.name}, {channel.name}", text)
 
 
 def _cleaned(episode: RawEpisode) -> dict[str, Series]:

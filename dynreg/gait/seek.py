@@ -227,7 +227,7 @@ def seek(trials: Trials, settings: SearchSettings, **followed: Unpack[Followed])
 
 
 def ranks(values: np.ndarray, falls: np.ndarray) -> np.ndarray:
-    """(n, 3) what gaits are ranked by, the first counts most, of their values (n,) and falls (n,).
+    """(n, 3) ranks of gaits, from their values (n,) and falls (n,); the first column counts most.
 
     A fall counts 0, and a step back less. So of gaits whose value is 0 or less, none of which achieves anything, one
     that falls less often is better.

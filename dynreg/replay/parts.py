@@ -115,7 +115,7 @@ def seen(recording: Recording, windows: Windows, chosen: np.ndarray) -> Recordin
 
 
 def untested(robot: Robot, recording: Recording, windows: Windows, parts: Parts) -> Recording:
-    """The recording without the test part: whole episodes, and of those in which windows are held out the other ones.
+    """The recording without the test part: episodes of which nothing is held out, of others the windows left.
 
     Such pieces have the rows of `timed.on_grid`.
     """

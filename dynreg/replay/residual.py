@@ -8,8 +8,8 @@ MOST = 10.0  # times the motion: the most that any residual counts, and what a d
 def missed(simulated: np.ndarray, measured: np.ndarray, spread: np.ndarray) -> np.ndarray:
     """(..., C) size of simulated less measured (..., C), in the channels' units; NaN where not measured.
 
-    A diverged simulation counts as in `scaled`: it would look better than one that errs by much. What did not diverge
-    has no bound here.
+    A diverged simulation counts as in `scaled`: left out, it would look better than one with large errors. What did not
+    diverge has no bound here.
     """
     with np.errstate(invalid="ignore", over="ignore"):
         out = np.abs(simulated - measured)

@@ -94,7 +94,7 @@ def _doubts(result: Calibration) -> Iterator[str]:
     if result.test_error is not None and result.test_error > result.nominal_test_error:
         missing = "." if result.method == "diagnose" else f": ask {diagnose} what is missing."
         yield (
-            f"It errs more than the nominal simulator on what was held out, so it does not carry over{missing}"
+            f"On the held-out part its error is larger than the nominal simulator's, so it does not carry over{missing}"
         )
 
 

@@ -40,8 +40,8 @@ class CalibrationVersion(Result):
 
     simulator : its id. stage : what made it. parent : id of the simulator that it came from; null for the nominal one.
     recordings, episodes : what shaped it: ids and names. before, after : the objective of its stage, at its parent and
-    at it, in `unit` ("" of a replay error); null where the stage has none. figures : what else the method tells of it,
-    by name. trials : names of the trials on the robot that shaped it.
+    at it; null where the stage has none. unit : of these, "" of a replay error. figures : what else the method tells of
+    it, by name. trials : names of the trials on the robot that shaped it.
     """
 
     simulator: str

@@ -215,7 +215,7 @@ def gain_words(gain: Gain, than: str = "") -> str:
     """
     value = f"{change(gain.value)}{f' than {than}' if than else ''}"
     if gain.low is None or gain.high is None:
-        return f"{value} (too few episodes for an interval)"
+        return f"{value} (too few windows for an interval)"
     unclear = ": no clear difference" if gain.low <= 0 <= gain.high else ""
     over = f" over {gain.over}" if gain.over else ""
     return f"{value} (90 % interval{over}: {change_interval(gain.low, gain.high)}){unclear}"

@@ -184,10 +184,10 @@ def _declared(robot: Robot) -> Iterator[Said]:
             "excitation kind 'drop' switches drives off, but no drive has `enable`; add it or remove 'drop'"
         )
         yield ("excitation", "kinds"), told
-    if robot.file.fall is not None and not any(robot.model.jnt_type == 0):
+    if robot.file.fall is not None and not robot.floating:
         yield (
             ("fall",),
-            "[fall] needs a free joint and the model has none; remove [fall] or add a <freejoint>",
+            "[fall] needs a base with a free joint and the robot has none; remove [fall] or add a <freejoint>",
         )
     for problem in tracked_problems(robot):
         yield ("robot", "tracked"), str(problem)

@@ -181,7 +181,7 @@ def _held_joints(robot: Robot) -> list[tuple[int, int, int]]:
 
     Empty for floating robots, whose joints cannot be put anywhere without moving the base.
     """
-    if not robot.actions or (robot.model.jnt_type == 0).any():
+    if not robot.actions or robot.floating:
         return []
     channels = {name: i for i, name in enumerate(robot.channels)}
     held = takes_positions(nominal_ports(robot, 1))

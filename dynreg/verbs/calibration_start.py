@@ -57,6 +57,13 @@ def shaped_by(asked: Recorded, begin: Simulator, held_out: Sequence[str]) -> tup
 
     held_out : episodes, or "episode[3]" of one that was cut into windows.
     """
+    parts = begin.parts or {}
+    if {*held_out} <= {
+        name for part in parts.values() for name in part
+    }:  # its result cut the recording alike
+        own = {*held_out} & {*parts.get("fit", ()), *parts.get("select", ())}
+        inherited = begin.inherited & {re.sub(r"\[\d+\]$", "", name) for name in held_out}
+        return tuple(sorted(own | inherited))
     whole = {re.sub(r"\[\d+\]$", "", name) for name in held_out}
     known = [shaped(asked.registry, begin, one.recording.id) for one in asked.each or (asked,)]
     return tuple(name for name in sorted(whole) if _is_in(name, asked, known))

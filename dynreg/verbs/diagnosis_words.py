@@ -158,7 +158,10 @@ def not_fitted_alone(why: Mapping[str, str], others: int) -> Iterator[str]:
     for name, problem in why.items():
         yield f"{name} was not fitted alone: {problem}"
     if why and others < 2:
-        yield "so nothing tells what is the same in all: cut shorter rollouts with --horizon, or record longer"
+        yield (
+            "Too few recordings were fitted alone to tell what is the same in all: cut shorter rollouts with --horizon, "
+            "or record longer"
+        )
 
 
 def same_words(pairs: Sequence[tuple[str, str]]) -> tuple[str, ...]:

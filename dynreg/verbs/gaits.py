@@ -102,8 +102,8 @@ def _record(registry: Registry, ref: str) -> ResultRecord:
         own = (record.document.get("on_robot") or {}).get("document")
         raise UsageError(
             f"result {ref!r} is of kind {record.kind!r}",
-            expected=f"a gait{f', such as {own[:12]}, which it found' if own else ''}",
-            do="name that"
+            expected=f"a gait{f'; this result found {own[:12]}' if own else ''}",
+            do="name that one"
             if own
             else "see `dynreg list --kind result`, or search for one with `dynreg gait`",
         )

@@ -1,6 +1,5 @@
 """What a registry holds."""
 
-import re
 from collections.abc import Iterator, Mapping
 from operator import itemgetter
 from typing import Any
@@ -12,7 +11,7 @@ from dynreg.verbs.simulators import made
 
 KINDS = ("population", "recording", "measured", "simulator", "result", "robot")
 Row = tuple[str, str, str, dict[str, Any]]  # id, name, robot, detail
-SHOWN = 3  # held-out episodes in a row of the list
+SHOWN = 8  # held-out episodes, or pieces of them, in a row of the list
 # Of a result's document, what tells it from others of its kind.
 TELLING = ("on", "method", "task", "verdict", "test_error")
 
@@ -97,12 +96,8 @@ def _tested(document: Mapping[str, Any]) -> dict[str, Any]:
     """
     if document.get("test_error") is None or not (held := (document.get("parts") or {}).get("test")):
         return {}
-    whole = [*dict.fromkeys(re.sub(r"\[\d+\]$", "", name) for name in held)]
-    told = (
-        ", ".join(whole)
-        if len(whole) <= SHOWN
-        else f"{', '.join(whole[:SHOWN])} and {len(whole) - SHOWN} more"
-    )
+    more = f" and {len(held) - SHOWN} more" if len(held) > SHOWN else ""
+    told = ", ".join(held[:SHOWN]) + more
     seen = document.get("seen")
     return {"held_out": told, **({"saw": ", ".join(seen)} if seen else {})}
 

@@ -157,8 +157,9 @@ def hold_out(usual: str = "a fifth of the episodes; of one run, pieces of it") -
 class Settings:
     """Base of what a verb can be told: frozen, and checked when it is made.
 
-    A sequence becomes a tuple, an old word what it is called now, a number of numpy one of Python, and text that names
-    a file its path. A verb with rules between its settings extends `__post_init__`.
+    A sequence becomes a tuple, an old word what it is called now, a number of numpy one of Python, text that names a
+    file its path, and a number where a word is asked for its digits. A verb with rules between its settings extends
+    `__post_init__`.
     """
 
     def __post_init__(self) -> None:
@@ -182,6 +183,8 @@ def typed(one: Field, value: Any) -> Any:
     kinds = get_args(one.type) or (one.type,)
     if Path in kinds and isinstance(value, str):
         return Path(value)
+    if str in kinds and isinstance(value, Real) and not isinstance(value, bool):
+        return f"{value:g}"
     kind = next((k for k in _MADE if k in kinds), None)
     if value is None or kind is None or isinstance(value, str) and str in kinds:
         return value

@@ -226,11 +226,13 @@ def _shaped(
     if names is None:
         document = _told_by(registry, identity, robot, fitted)
         names = document and _fitted(document)
-    if names is None or fitted == recording:
-        return names and frozenset(names)
+    if names is None:
+        return None
+    if fitted == recording:
+        return frozenset(names)
     mine = _without(names, _prefixes(registry, recording))
-    every = [prefix for one in several for prefix in _prefixes(registry, one)]
-    return mine if mine or len(_without(names, every)) == len(names) else None
+    every = tuple(prefix for one in several for prefix in _prefixes(registry, one))
+    return mine if mine or all(name.startswith(every) for name in names) else None
 
 
 def _shaped_parts(

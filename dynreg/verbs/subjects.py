@@ -100,7 +100,9 @@ def _read(paths: list[Path], robot: "Robot", log_map: "str | Path | LogMap | Non
             try:
                 return read_recording(paths, spec, read_own_map(path))
             except CheckError as problem:  # it is its map: what a check says is what is wrong
-                told = told if isinstance(told, CheckError) else problem
+                if not isinstance(told, CheckError):
+                    by = f"{problem.problem} (read by the robot's map {path.name})"
+                    told = CheckError(by, expected=problem.expected, do=problem.do)
             except (LogError, MapError):
                 continue  # it is the map of another log
         raise told from None

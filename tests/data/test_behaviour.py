@@ -101,6 +101,12 @@ def test_a_velocity_that_nobody_measured(legs: Columns, told: Callable):
     assert "derivative_of" in found.message
 
 
+def test_a_wheel_that_turns_steadily_measures_its_velocity(legs: Columns, told: Callable):
+    noise = 1e-4 * np.random.default_rng(0).standard_normal(len(TIME))
+    legs["pos_hip"], legs["vel_hip"] = 0.9 * TIME + noise, np.full(len(TIME), 0.9)
+    assert not [found for found in told(legs) if found.check == "velocity"]
+
+
 def test_a_drive_that_gives_all_it_can(legs: Columns, told: Callable):
     legs["effort_hip"] = np.clip(legs["effort_hip"], -0.6, 0.6)
     (found,) = told(legs)

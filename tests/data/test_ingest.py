@@ -452,7 +452,8 @@ def test_commands_logged_on_change_stand_and_a_stream_ends(
         assert episode.time[-1] == pytest.approx(4.0)
         assert cut[0].startswith("16 of 20 s are left out") and "'arm/target' ends at 4.000 s" in cut[0]
     else:
-        assert episode.time[-1] == pytest.approx(20.0) and not cut
+        assert episode.time[-1] == pytest.approx(20.0) and len(cut) == 1
+        assert cut[0].startswith("the last command comes at 4.000 s and is taken to hold for 16 s")
         assert episode.values[-1, 2] == pytest.approx(np.sin(4.0))
 
 
@@ -463,6 +464,29 @@ def test_a_command_that_stands_before_a_piece_stands_at_its_begin(tmp_path: Path
     first, second = read_recording(paths, servo_spec, log_map).episodes
     assert [len(first.time), len(second.time)] == [500, 600]
     assert (second.values[:, 2] == 0.2).all() and set(first.values[:, 2]) == {0.1, 0.2}
+
+
+def test_a_command_of_the_same_table_stands_over_a_gap(
+    write_table: Callable, swing: Columns, servo_spec: RecordingSpec
+):
+    rows = np.delete(np.arange(801), np.arange(300, 500))  # none from 1.5 to 2.5 s
+    swing["arm__target"] = np.where(np.isin(np.arange(801), (0, 200, 760)), 0.01 * np.arange(801), np.nan)
+    text = "".join(f'[channels."arm/{n}"]\nsource = "arm/{n}"\n' for n in ("position", "velocity", "target"))
+    log_map = parse_map(text + '[episodes]\nby = "gaps"\ngap = 0.5\n')
+    table = write_table(**{name: column[rows] for name, column in swing.items()})
+    _, second = read_recording(table, servo_spec, log_map).episodes
+    assert len(second.time) == 151 and second.values[[0, -1], 2] == pytest.approx([2.0, 7.6])
+
+
+def test_an_input_that_is_logged_when_it_changes_is_not_empty(tmp_path: Path, servo_spec: RecordingSpec):
+    paths, text = apart(tmp_path, np.arange(0.0, 20.0, 0.01), np.arange(0.0, 20.0, 0.01), np.zeros(2000))
+    told = np.array([0.0, 1.0, 2.0, 15.0, 19.99])
+    np.savez(tmp_path / "supply.npz", time=told, volts=7.0 + 0.01 * told)
+    text = (
+        text.replace("[files]\n", '[files]\nv = "supply.npz"\n') + '[channels.supply]\nsource = "v.volts"\n'
+    )
+    (episode,) = read_recording([*paths, tmp_path / "supply.npz"], servo_spec, parse_map(text)).episodes
+    assert np.isfinite(episode.values).all()
 
 
 def test_an_optional_channel_without_a_number_is_left_out(

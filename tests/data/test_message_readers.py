@@ -147,15 +147,43 @@ def test_header_of_another_clock_is_shifted_and_told(tmp_path: Path):
     assert [f.check for f in log.findings] == ["clock"]
 
 
-@pytest.mark.parametrize(("ahead", "said"), [(5.0, "5 s from"), (0.2, "0.2 s ahead"), (0.02, ""), (-0.3, "")])
-def test_a_header_clock_that_is_another_is_told(tmp_path: Path, ahead: float, said: str):
-    at = [START + round(ahead * 1e9) + k * STEP for k in range(5)]
-    stamps = [{"sec": t // 10**9, "nanosec": t % 10**9} for t in at]
-    write_json_mcap(tmp_path / "a.mcap", [{"header": {"stamp": s}, "v": k} for k, s in enumerate(stamps)])
+def two_topics(path: Path, ahead: float, more: float = 0.0) -> None:
+    """A topic whose headers are ahead of the recorder [s], one of them later by `more`, and one without headers."""
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema("thing", "jsonschema", b"{}")
+        names = ("/joint", "/odom", "/told")
+        joint, odom, told = (writer.register_channel(name, "json", schema) for name in names)
+        for k in range(5):
+            logged = START + k * STEP
+            for channel, late in ((joint, 0.0), (odom, more), (told, None)):
+                stamp = logged if late is None else logged + round((ahead - late) * 1e9)
+                head = {"header": {"stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}}}
+                message = {"v": k} | ({} if late is None else head)
+                writer.add_message(channel, logged, json.dumps(message).encode(), 0)
+        writer.finish()
+
+
+@pytest.mark.parametrize(
+    ("ahead", "said"), [(5.0, "shifted by 5 s"), (0.2, "delay = -0.2"), (0.02, ""), (-0.3, "")]
+)
+def test_a_header_clock_that_is_ahead_is_put_right_or_told(tmp_path: Path, ahead: float, said: str):
+    two_topics(tmp_path / "a.mcap", ahead)
     log = read_log(tmp_path / "a.mcap")
-    begin = log.sources["/arm.v"].time[0]  # s after the recorder's first stamp
-    assert begin == pytest.approx(0.0 if ahead > 1 else ahead, abs=1e-6)
-    assert [said in f.message for f in log.findings if f.check == "clock"] == ([True] if said else [])
+    joint, told = (log.sources[f"/{name}.v"].time[0] for name in ("joint", "told"))
+    if "delay" in said:  # what is advised brings them together
+        told -= -0.2
+    assert joint - told == pytest.approx(0.0 if said else ahead, abs=1e-6)
+    found = [f.message for f in log.findings if f.check == "clock"]
+    assert all(said in text for text in found) and bool(found) == bool(said)
+
+
+def test_headers_of_one_clock_are_shifted_together(tmp_path: Path):
+    two_topics(tmp_path / "a.mcap", 5.0, 0.19)
+    log = read_log(tmp_path / "a.mcap")
+    assert log.sources["/joint.v"].time[0] == pytest.approx(0.0, abs=1e-6)
+    assert log.sources["/odom.v"].time[0] == pytest.approx(-0.19, abs=1e-6)
 
 
 def test_protobuf_messages(tmp_path: Path):

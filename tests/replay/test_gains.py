@@ -51,9 +51,16 @@ def test_of_two_episodes_the_windows_are_counted_and_of_two_windows_nothing() ->
     assert gain(np.zeros(3), np.ones(3), np.arange(3)) is None
 
 
-def test_a_window_without_an_error_makes_no_interval_infinite() -> None:
+def test_a_window_without_an_error_makes_no_interval_wide() -> None:
     found = gain(np.ones(4), np.array([0.5, 0.0, 0.5, 0.5]), np.arange(4))
-    assert np.isfinite([found.low, found.high]).all()
+    assert -1.0 < found.low < found.value < found.high < 1.0
+    assert gain(np.ones(4), np.zeros(4), np.arange(4)).low == 1.0
+
+
+def test_a_window_in_which_hardly_anything_moves_says_little() -> None:
+    before, after = np.array([1.0, 1.1, 0.9, 1.0, 0.001]), np.array([0.5, 0.55, 0.44, 0.5, 0.01])
+    found = gain(before, after, np.arange(5))
+    assert found.low > 0.45 and found.high < 0.55
 
 
 def test_a_simulator_that_diverges_errs_by_ten_times_the_motion_on_every_channel() -> None:

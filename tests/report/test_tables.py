@@ -70,7 +70,7 @@ def test_an_answer_that_held_out_data_do_not_show_to_be_better_is_not_recommende
 
 def test_a_loss_is_not_called_a_gain() -> None:
     worse = made_up_results.neighbours().model_copy(update={"gain": Gain(value=-0.2, low=None, high=None)})
-    assert "20 % higher than nominal" in comparison(worse) and "too few episodes" in comparison(worse)
+    assert "20 % higher than nominal" in comparison(worse) and "too few windows" in comparison(worse)
     clearly = worse.model_copy(update={"gain": Gain(value=-0.2, low=-0.3, high=-0.1)})
     assert "20 % higher than nominal (90 % interval: 10 to 30 % higher)." in comparison(clearly)
     unclear = worse.model_copy(update={"gain": Gain(value=0.03, low=-0.08, high=0.1)})

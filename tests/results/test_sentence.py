@@ -221,8 +221,8 @@ def test_the_gain_of_a_cause_says_over_which_simulator() -> None:
 @pytest.mark.parametrize(
     "gain, words",
     [
-        (Gain(value=0.2, low=None, high=None), "20 % lower (too few episodes for an interval)."),
-        (Gain(value=-0.2, low=None, high=None), "20 % higher (too few episodes for an interval)."),
+        (Gain(value=0.2, low=None, high=None), "20 % lower (too few windows for an interval)."),
+        (Gain(value=-0.2, low=None, high=None), "20 % higher (too few windows for an interval)."),
         (Gain(value=-0.2, low=-0.3, high=-0.1), "20 % higher (90 % interval: 10 to 30 % higher)."),
         (
             Gain(value=0.02, low=-0.1, high=0.1),

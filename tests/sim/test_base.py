@@ -50,6 +50,8 @@ def test_an_arm_beside_a_cube_does_not_float(tmp_path: Path):
     alone, robot = load_robot("two_joint_arm"), beside_a_cube(tmp_path / "two_joint_arm", "two_joint_arm")
     assert robot.base == -1 and not robot.floating
     assert robot.model.body(carrier(robot)).name == alone.model.body(carrier(alone)).name
+    runs = [excitation(one, seed=1, name="arm", episodes=3, steps=20) for one in (alone, robot)]
+    np.testing.assert_array_equal(runs[1].initial, runs[0].initial)
 
 
 def test_a_channel_of_another_free_joint_is_refused(tmp_path: Path):

@@ -123,7 +123,7 @@ def test_recordings_that_are_too_short_alone_keep_the_joint_answer_and_get_a_not
         mixed = session.diagnose(["long", "w", "longer"], **QUICK, horizon=2.5)
     assert short.recordings == ("w", "x", "y", "z") and short.stable == ()
     assert "w was not fitted alone: the recording makes 1 rollout of 10 s" in short.notes
-    assert short.notes[-1].startswith("so nothing tells what is the same")
+    assert short.notes[-1].startswith("Too few recordings were fitted alone")
     assert {*mixed.stable[0].values} == {"long", "longer"}
     assert mixed.notes[-1].startswith("w was not fitted alone")
 

@@ -60,6 +60,10 @@ def unmeasured(joint: Joint) -> Seen | None:
     velocity, place = (joint.pooled(lambda run, of=of: getattr(run, of)) for of in ("velocity", "position"))
     if not len(velocity) or np.ptp(velocity) > 0 or joint.reach <= TRAVELS * grain(place):
         return None
+    went = sum(float(run.position[-1] - run.position[0]) for run in joint.runs)
+    mean = went / sum(float(run.time[-1] - run.time[0]) for run in joint.runs)
+    if abs(mean - velocity[0]) < STRANGE * abs(velocity[0]):
+        return None  # it turns steadily, and so it says
     return Seen("velocity", "constant", (float(velocity[0]),), (f"{joint.unit}/s",))
 
 

@@ -21,8 +21,10 @@ MAX_DEPTH = 16
 MAX_LEAVES = 4096  # most signals of one topic
 MAX_PARTS = 16 * MAX_LEAVES  # most numbers and containers of one message
 JOINT_STATE = ("position", "velocity", "effort")
-FOREIGN_CLOCK = 1.0  # [s] header stamps further than this from the log's own are of another clock
-AHEAD = 0.05  # [s] no message is logged before it is stamped, by one clock
+FOREIGN_CLOCK = 60.0  # [s] header stamps further than this from the log's own are of another clock
+# [s] no message is logged before it is stamped, by one clock: so far ahead is told, or put right; one that lies behind
+# may have come late
+AHEAD, SHIFTED = 0.05, 1.0
 
 Leaf = float | int | np.number | np.bool_ | np.ndarray
 
@@ -183,9 +185,24 @@ class Topic:
         self._budget.spend("columns", more)
         return True
 
-    def log(self, start: int, use_header: bool) -> tuple[dict[str, Series], list[Finding]]:
-        """One series a signal, with time in seconds since `start` [ns], and what was seen."""
-        time, findings = self._clock(start, use_header)
+    @property
+    def lag(self) -> float:
+        """How far its header stamps are ahead of the log's [s], by their median; NaN where it has no such stamps."""
+        stamps = np.frombuffer(self._header_stamps, dtype=np.int64)
+        if not len(stamps) or not (stamps >= 0).all():
+            return math.nan
+        first = int(stamps[0])
+        told, logged = (since(np.asarray(s, dtype=np.uint64), first) for s in (stamps, self.log_stamps))
+        return float(np.median(told - logged)) * 1e-9
+
+    def log(
+        self, start: int, use_header: bool, ahead: float = 0.0
+    ) -> tuple[dict[str, Series], list[Finding]]:
+        """One series a signal, with time in seconds since `start` [ns], and what was seen.
+
+        ahead : how far the clock of all headers of the log is ahead of the log's [s]; see `Topics.log`.
+        """
+        time, findings = self._clock(start, use_header, ahead)
         out: dict[str, Series] = {}
         for path, kept in self._signals.items():
             if isinstance(kept, Signal):
@@ -212,7 +229,7 @@ class Topic:
             for item in ([""] if count is None else [f"[{i}]" for i in range(count)])
         ]
 
-    def _clock(self, start: int, use_header: bool) -> tuple[np.ndarray, list[Finding]]:
+    def _clock(self, start: int, use_header: bool, ahead: float) -> tuple[np.ndarray, list[Finding]]:
         # Differences are taken in whole nanoseconds: an absolute stamp in float64 is only good to 0.2 us.
         log = since(np.frombuffer(self.log_stamps, dtype=np.uint64), start) * 1e-9
         stamps = np.frombuffer(self._header_stamps, dtype=np.int64)
@@ -223,13 +240,16 @@ class Topic:
         header = since(stamps, start) * 1e-9
         lag = float(np.median(header - log))
         if abs(lag) > FOREIGN_CLOCK:
-            text = f"header stamps are {lag:.3g} s from the log's clock; shifted by their median difference"
+            text = f"header stamps are {lag:.0f} s from the log's clock; shifted by their median difference"
             return header - lag, [Finding("warning", "clock", self.name, text)]
+        if ahead > SHIFTED:
+            text = f"header stamps are {lag:.3g} s ahead of the log's clock; all headers are shifted by {ahead:.3g} s"
+            return header - ahead, [Finding("warning", "clock", self.name, text)]
         if lag <= AHEAD:
             return header, []
         text = (
-            f"header stamps are {lag:.3g} s ahead of the log's clock: the robot's clock and the recorder's differ; "
-            "topics without header stamps are late by that; set `delay` of their channels in the map, or "
+            f"header stamps are {lag:.3g} s ahead of the log's clock: the robot's clock and the recorder's differ. "
+            f"Topics without header stamps are early by that: set delay = {-lag:.3g} for their channels in the map, or "
             'time = "log" under [map]'
         )
         return header, [Finding("warning", "clock", self.name, text)]

@@ -9,7 +9,7 @@ import numpy as np
 
 from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.budget import Budget
-from dynreg.data.readers.messages import Topic, get, header_stamp
+from dynreg.data.readers.messages import FOREIGN_CLOCK, Topic, get, header_stamp
 from dynreg.data.readers.numbers import number
 from dynreg.data.readers.signals import MAX_ITEMS
 from dynreg.data.series import Finding, RawLog, Series
@@ -69,8 +69,10 @@ class Topics:
         start = min((min(t.log_stamps) for t in whole if t.log_stamps), default=0)
         sources: dict[str, Series] = {}
         findings: list[Finding] = []
+        # headers of one robot share a clock: those that come soonest tell how far it is ahead
+        lags = [lag for t in self._topics.values() if abs(lag := t.lag) <= FOREIGN_CLOCK]
         for topic in self._topics.values():
-            series, found = topic.log(start, use_header)
+            series, found = topic.log(start, use_header, max(lags, default=0.0))
             sources.update(series)
             findings += found
         names = tuple(name for topic in self._topics.values() for name in topic.names)
