@@ -159,8 +159,8 @@ def not_fitted_alone(why: Mapping[str, str], others: int) -> Iterator[str]:
         yield f"{name} was not fitted alone: {problem}"
     if why and others < 2:
         yield (
-            "Too few recordings were fitted alone to tell what is the same in all: cut shorter rollouts with --horizon, "
-            "or record longer"
+            "Too few recordings were fitted alone to tell what is the same in all: cut shorter rollouts with "
+            "--horizon, or record longer"
         )
 
 
