@@ -38,6 +38,7 @@ def test_it_names_dry_friction_and_how_viscous_friction_differs_between_directio
     assert not any("PULSES" in name for name in found.parts["fit"] + found.parts["select"])
 
 
+@pytest.mark.slow
 def test_with_the_published_structure_it_names_dry_friction_and_the_constant_force(ingested):
     found = _diagnose(ingested, "coulomb_friction", "force_offset", "payload")
     assert [c.effect for c in found.causes] == ["coulomb_friction", "force_offset"]
