@@ -52,13 +52,10 @@ def _apart(*known: Series) -> tuple[float, float, float]:
     edges = np.arange(begin, end, SPAN)
     if len(edges) <= LEAST:
         return 0.0, 0.0, 0.0
-    x, y, yaw = (s.values if n < 2 else np.unwrap(s.values) for n, s in enumerate(known[:3]))
-    ways = (
-        np.stack([np.diff(np.interp(edges, s.time, v)) for s, v in zip(known, (x, y), strict=False)], -1)
-        / SPAN
-    )
-    told = np.stack([_means(s, edges) for s in known[3:]], -1)
-    heading = np.interp(0.5 * (edges[1:] + edges[:-1]), known[2].time, yaw)
+    x, y, yaw, *velocities = known
+    ways = np.stack([np.diff(np.interp(edges, s.time, s.values)) for s in (x, y)], -1) / SPAN
+    told = np.stack([_means(s, edges) for s in velocities], -1)
+    heading = np.interp(0.5 * (edges[1:] + edges[:-1]), yaw.time, np.unwrap(yaw.values))
     cos, sin = np.cos(heading), np.sin(heading)
     turned = np.stack([cos * told[:, 0] - sin * told[:, 1], sin * told[:, 0] + cos * told[:, 1]], -1)
     own, world, speed = (float(np.sqrt(np.mean(np.square(e)))) for e in (turned - ways, told - ways, ways))

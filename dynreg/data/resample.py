@@ -28,9 +28,9 @@ def resample(episode: RawEpisode, spec: RecordingSpec) -> tuple[float, np.ndarra
     """Bring an episode's channels to one time base.
 
     States and inputs are interpolated linearly; actions and flags hold their last value. Where a state is silent, or
-    any signal has NaN, for longer than can be filled in (`gaps.silences`), it is NaN. The grid runs from
-    the first stamp that all channels have reached to the last that none has left (flags and commands that are logged
-    when they change stand until then), at `spec.rate`; without a rate it has the stamps of the first action.
+    any signal has NaN, for longer than can be filled in (`gaps.silences`), it is NaN. The grid runs from the first
+    stamp that all channels have reached to the last that none has left (flags and commands that are logged when they
+    change stand until then), at `spec.rate`; without a rate it has the stamps of the first action.
 
     Returns
     -------
@@ -48,14 +48,13 @@ def resample(episode: RawEpisode, spec: RecordingSpec) -> tuple[float, np.ndarra
         if channel.name in series:
             kept = series[channel.name]
             values[:, column] = at(kept, start + grid, channel.hold)
-            values[
-                _unknown(episode.channels[channel.name], kept.time, start + grid, spec, channel), column
-            ] = np.nan
+            raw = episode.channels[channel.name]
+            values[_unknown(raw, kept.time, start + grid, channel, timed=spec.rate is None), column] = np.nan
     return start, grid, values
 
 
 def _unknown(
-    raw: Series, known: np.ndarray, time: np.ndarray, spec: RecordingSpec, channel: ChannelSpec
+    raw: Series, known: np.ndarray, time: np.ndarray, channel: ChannelSpec, *, timed: bool
 ) -> np.ndarray:
     """(T,) whether nobody knows a signal at `time`, whose numbers have the stamps `known`."""
     nothing = raw.time[~np.isfinite(raw.values)]
@@ -63,7 +62,7 @@ def _unknown(
         return np.zeros(len(time), dtype=bool)  # it is logged when it changes, and holds
     # a command holds until another comes, and so may an input that is logged when it changes; where control is timed, a
     # row stands where a command begins
-    holds = channel.kind != "state" or spec.rate is None
+    holds = channel.kind != "state" or timed
     return silent(known, time, nothing if holds else None)
 
 

@@ -82,6 +82,7 @@ def next_steps(result: Calibration) -> tuple[str, ...]:
 def _doubts(result: Calibration) -> Iterator[str]:
     """Why the errors say less than they seem to, and what they say of the model."""
     diagnose = command("diagnose", result.recording_name or result.recording[:12])
+    missing = "." if result.method == "diagnose" else f": ask {diagnose} what is missing."
     if result.seen:
         are = "it is" if len(result.seen) == 1 else "they are"
         yield f"The test error is too low: {', '.join(result.seen)} shaped the simulator, though {are} held out."
@@ -89,10 +90,9 @@ def _doubts(result: Calibration) -> Iterator[str]:
         log = command("doctor", "LOG", "--robot", result.robot)
         yield (
             f"Not even what was fitted is explained: the error is {number(result.train_error)} times the motion. Check "
-            f"the log with {log}, and ask {diagnose} what the model lacks."
+            f"the log with {log}. If it is sound, the model lacks something{missing}"
         )
     if result.test_error is not None and result.test_error > result.nominal_test_error:
-        missing = "." if result.method == "diagnose" else f": ask {diagnose} what is missing."
         yield (
             f"On the held-out part its error is larger than the nominal simulator's, so it does not carry over{missing}"
         )

@@ -200,7 +200,7 @@ def _fitted(
 
     question, evidence, limits = posed
     cut = question.data
-    shaped = () if begin is None else shaped_by(asked, begin, cut.named["test"])
+    shaped = () if begin is None else shaped_by(asked, begin, cut.named)
     if shaped:
         tell_seen("the start was shaped by", shaped)
     found = METHODS[settings.method].made().fit(question, evidence, limits)

@@ -2,7 +2,7 @@
 
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -52,21 +52,24 @@ def shared_values(begin: Simulator, robot: Robot) -> dict[str, float]:
     return {name: value for name, value in begin.config.values.items() if name in robot.space.names}
 
 
-def shaped_by(asked: Recorded, begin: Simulator, held_out: Sequence[str]) -> tuple[str, ...]:
+def shaped_by(asked: Recorded, begin: Simulator, named: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
     """Of what is held out, the episodes that shaped the simulator to begin with.
 
-    held_out : episodes, or "episode[3]" of one that was cut into windows.
+    named : the parts of the recording: episodes, or "episode[3]" of one that was cut into windows. Windows are compared
+    where the start's result has all the same ones, for others of these names may be other rows.
     """
-    parts = begin.parts or {}
-    if {*held_out} <= {
-        name for part in parts.values() for name in part
-    }:  # its result cut the recording alike
+    held_out, parts = named["test"], begin.parts or {}
+    if _names_in(parts) == _names_in(named):
         own = {*held_out} & {*parts.get("fit", ()), *parts.get("select", ())}
         inherited = begin.inherited & {re.sub(r"\[\d+\]$", "", name) for name in held_out}
         return tuple(sorted(own | inherited))
     whole = {re.sub(r"\[\d+\]$", "", name) for name in held_out}
     known = [shaped(asked.registry, begin, one.recording.id) for one in asked.each or (asked,)]
     return tuple(name for name in sorted(whole) if _is_in(name, asked, known))
+
+
+def _names_in(parts: Mapping[str, Sequence[str]]) -> set[str]:
+    return {name for part in parts.values() for name in part}
 
 
 def tell_seen(how: str, names: Sequence[str]) -> None:

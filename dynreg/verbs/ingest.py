@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dynreg.data.recording import Recording
-from dynreg.data.series import Finding, once
 from dynreg.errors import UsageError
 from dynreg.progress import Progress
 from dynreg.registry import RecordingInfo, Registry
@@ -13,7 +12,7 @@ from dynreg.registry.recordings import check_name
 from dynreg.results.stored import RecordingSummary
 from dynreg.sim.robot import Robot
 from dynreg.verbs.simulators import NAMES
-from dynreg.verbs.subjects import read_log, register
+from dynreg.verbs.subjects import found_in, read_log, register
 
 
 def ingest(
@@ -129,7 +128,6 @@ def _robot(registry: Registry, recording: str) -> str:
 
 def recording_summary(identity: str, recording: Recording, robot: str, name: str) -> RecordingSummary:
     """The ingested recording, with the findings of the checks; those that are alike are one."""
-    findings = once(Finding(**told) for told in recording.provenance.get("findings", ()))
     return RecordingSummary(
         recording=identity,
         name=name,
@@ -142,5 +140,5 @@ def recording_summary(identity: str, recording: Recording, robot: str, name: str
         channels=recording.names,
         settings=tuple(sorted({k for e in recording.episodes for k in e.settings})),
         gait=recording.provenance.get("gait"),
-        findings=tuple(f"{f.severity}: {f.where}: {f.message}" for f in findings),
+        findings=tuple(f"{f.severity}: {f.where}: {f.message}" for f in found_in(recording)),
     )

@@ -24,6 +24,7 @@ from dynreg.results.stored import RecordingSummary
 if TYPE_CHECKING:
     from dynreg.data.maps import LogMap
     from dynreg.data.recording import Recording
+    from dynreg.data.series import Finding
     from dynreg.progress import Progress
     from dynreg.sim.robot import Robot
 
@@ -192,11 +193,16 @@ def recorded(
 
 def _tell_found(recording: "Recording") -> None:
     """Warn of what the checks found in a log, as `ingest` tells it."""
+    for one in found_in(recording):
+        if one.severity == "warning":
+            warnings.warn(f"{one.where}: {one.message}", Assumed, 3)
+
+
+def found_in(recording: "Recording") -> "tuple[Finding, ...]":
+    """What the checks found in the logs of a recording; what is alike is one."""
     from dynreg.data.series import Finding, once
 
-    found = [Finding(**told) for told in recording.provenance.get("findings", ())]
-    for one in once(f for f in found if f.severity == "warning"):
-        warnings.warn(f"{one.where}: {one.message}", Assumed, 3)
+    return once(Finding(**told) for told in recording.provenance.get("findings", ()))
 
 
 def _known_as(registry: Registry, identity: str, robot_hash: str) -> str:

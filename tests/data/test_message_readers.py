@@ -237,3 +237,10 @@ def test_leaves_stop_at_depth():
     for _ in range(1000):
         nested = {"n": nested}
     assert list(leaves(nested)) == []
+
+
+def test_a_topic_of_another_host_is_not_shifted_with_the_robots_clock(tmp_path: Path):
+    two_topics(tmp_path / "a.mcap", 5.0, 5.0)  # the headers of /odom agree with the recorder
+    log = read_log(tmp_path / "a.mcap")
+    begins = [log.sources[f"/{name}.v"].time[0] for name in ("joint", "odom", "told")]
+    assert begins == pytest.approx([0.0, 0.0, 0.0], abs=1e-6)

@@ -4,6 +4,7 @@ import importlib.metadata
 import warnings
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -28,6 +29,7 @@ from dynreg.sim.excitation import excitation
 from dynreg.sim.real import SimulatedRobot
 from dynreg.sim.robot import load_robot
 from dynreg.sim.stand import on_stand
+from dynreg.verbs import calibration_start
 from dynreg.verbs.simulators import simulator
 from dynreg.verbs.subjects import recorded
 from dynreg.verbs.unseen import seen
@@ -522,3 +524,15 @@ def test_pieces_of_one_run_that_a_start_did_not_see_are_no_leak(session: Session
         warnings.simplefilter("error", Assumed)
         again = session.calibrate("one run", start=first.simulator, **{**how, "budget": 6})
     assert again.seen == ()
+
+
+def test_windows_of_another_cut_are_not_taken_for_these(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of shorter windows "run[1]" is other rows: then all of the episode counts as seen."""
+    monkeypatch.setattr(calibration_start, "shaped", lambda *_: frozenset({"run"}))
+    asked_about = SimpleNamespace(each=(), registry=None, recording=SimpleNamespace(id="r"))
+    parts = {"fit": ("run[0]",), "select": ("run[2]",), "test": ("run[1]",)}
+    begin = SimpleNamespace(parts=parts, inherited=frozenset())
+    assert calibration_start.shaped_by(asked_about, begin, parts) == ()
+    assert calibration_start.shaped_by(asked_about, begin, {**parts, "test": ("run[0]",)}) == ("run",)
+    turned = {"fit": ("run[1]",), "select": ("run[2]",), "test": ("run[0]",)}
+    assert calibration_start.shaped_by(asked_about, begin, turned) == ("run[0]",)

@@ -242,7 +242,7 @@ class Topic:
         if abs(lag) > FOREIGN_CLOCK:
             text = f"header stamps are {lag:.0f} s from the log's clock; shifted by their median difference"
             return header - lag, [Finding("warning", "clock", self.name, text)]
-        if ahead > SHIFTED:
+        if ahead > SHIFTED and lag > ahead - SHIFTED:  # of the same clock; one of another host may be right
             text = f"header stamps are {lag:.3g} s ahead of the log's clock; all headers are shifted by {ahead:.3g} s"
             return header - ahead, [Finding("warning", "clock", self.name, text)]
         if lag <= AHEAD:
