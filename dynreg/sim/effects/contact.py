@@ -100,9 +100,8 @@ class ContactCompliance(_OnGround):
         geoms, factor = touching_geoms(site.robot), 1.0 + p["softening"]
         direct = site.robot.model.geom_solref[geoms, 0] < 0.0
         _scale(site, "geom_solref", factor, geoms[~direct])
-        if (
-            direct.any()
-        ):  # by MuJoCo's "Solver parameters" stiffness goes with the constant's square, damping with it
+        if direct.any():
+            # of the constant stiffness is the inverse square, damping the inverse: MuJoCo's "Solver parameters"
             _scale(site, "geom_solref", factor**-2.0, geoms[direct])
             _scale(site, "geom_solref", factor**-1.0, geoms[direct], column=1)
 
