@@ -38,7 +38,7 @@ from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 from dynreg.verbs.diagnosis import document
-from dynreg.verbs.simulators import NOMINAL
+from dynreg.verbs.simulator import NOMINAL
 from dynreg.verbs.subjects import Recorded, robot_of
 
 HERE = Path(__file__).parent

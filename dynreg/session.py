@@ -346,7 +346,7 @@ class Session:
     def show(self, ref: str) -> "EntrySummary":
         """One thing in the registry, by id, unique prefix, name or `@last`, the last recording.
 
-        Or a word for a simulator of the newest result, such as `@answer`; see `verbs.simulators`.
+        Or a word for a simulator of the newest result, such as `@answer`; see `verbs.simulator`.
         """
         from dynreg.verbs.show import summary
         from dynreg.verbs.simulators import told_last

@@ -11,7 +11,7 @@ from dynreg.cli.completion import one_of, stored_names
 from dynreg.datasets.formats import FORMATS
 from dynreg.errors import UsageError, command
 from dynreg.verbs.settings import Option
-from dynreg.verbs.simulators import NAMES
+from dynreg.verbs.simulator import NAMES
 
 if TYPE_CHECKING:
     from dynreg.session import Session

@@ -7,7 +7,7 @@ import typer
 
 from dynreg.cli.call import Call
 from dynreg.cli.completion import recording_names
-from dynreg.verbs.simulators import NAMES
+from dynreg.verbs.simulator import NAMES
 
 if TYPE_CHECKING:
     from dynreg.watch.frames import Frames

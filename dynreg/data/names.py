@@ -1,4 +1,6 @@
-"""Names of channels and commands: "<joint>/<quantity>", as in "arm/position" or "base/yaw"."""
+"""Names of channels and commands, "<joint>/<quantity>" as in "arm/position", and of pieces of episodes."""
+
+import re
 
 
 def parts_of(name: str) -> tuple[str, str]:
@@ -15,3 +17,17 @@ def joint_of(name: str) -> str:
 def quantity_of(name: str) -> str:
     """What a channel measures or a command sets: "position" of "arm/position"."""
     return parts_of(name)[1]
+
+
+def piece_of(episode: str, number: int) -> str:
+    """The name of a piece of an episode that was cut into several: "run[3]"."""
+    return f"{episode}[{number}]"
+
+
+def episode_of(piece: str) -> str:
+    """The episode of a piece; the name itself of one that is whole.
+
+    >>> episode_of(piece_of("run", 3)), episode_of("run")
+    ('run', 'run')
+    """
+    return re.sub(r"\[\d+\]$", "", piece)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dynreg.data.names import piece_of
 from dynreg.errors import LogError
 from dynreg.replay.data import Data
 from dynreg.replay.velocity import pose_columns
@@ -44,7 +45,7 @@ class Displaced:
             episode = self.data.recording.episodes[cut.episode[window]].name
             many = len(np.unique(self.window[self.turn == turn])) == 1 and _by_windows(self.data)
             before = int((cut.episode[:window] == cut.episode[window]).sum())
-            named[turn] = (f"{episode}[{before}]" if many else episode, episode)
+            named[turn] = (piece_of(episode, before) if many else episode, episode)
         return tuple(named[turn] for turn in sorted(named))
 
     def take(self, which: np.ndarray) -> "Displaced":

@@ -5,6 +5,7 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
+from dynreg.data.names import piece_of
 from dynreg.data.recording import Episode, Recording
 from dynreg.errors import UsageError
 from dynreg.replay.timed import on_grid
@@ -92,7 +93,7 @@ def names(recording: Recording, windows: Windows, mask: np.ndarray) -> tuple[str
         number = windows.episode[w]
         same = np.flatnonzero(windows.episode == number)
         name = recording.episodes[number].name
-        out.append(name if len(same) == 1 else f"{name}[{int(np.flatnonzero(same == w)[0])}]")
+        out.append(name if len(same) == 1 else piece_of(name, int(np.flatnonzero(same == w)[0])))
     return tuple(out)
 
 

@@ -1,8 +1,8 @@
 """Short numbers, counts and intervals in the text of every result."""
 
-import re
 from collections.abc import Mapping, Sequence
 
+from dynreg.data.names import episode_of
 from dynreg.errors import taken_apart
 from dynreg.results.diagnosis import EffectEstimate
 from dynreg.results.result import Cost, Estimate, Interval
@@ -80,7 +80,7 @@ def held_out_words(parts: Mapping[str, Sequence[str]]) -> str:
     test, others = parts.get("test", ()), (*parts.get("fit", ()), *parts.get("select", ()))
     if not test:
         return ""
-    episodes = [dict.fromkeys(re.sub(r"\[\d+\]$", "", name) for name in names) for names in (test, others)]
+    episodes = [dict.fromkeys(episode_of(name) for name in names) for names in (test, others)]
     own, every = episodes[0], {**episodes[0], **episodes[1]}
     apart = not own.keys() & episodes[1].keys()
     named = [*(own if apart else test)]

@@ -12,7 +12,7 @@ from dynreg.methods.table import METHODS
 from dynreg.progress import Progress
 from dynreg.search.table import FORMER
 from dynreg.verbs.settings import Settings, hold_out, option, seed, threads
-from dynreg.verbs.simulators import NAMES, NOMINAL, OLD
+from dynreg.verbs.simulator import NAMES, NOMINAL, OLD
 
 if TYPE_CHECKING:
     from dynreg.distance.population import Population
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from dynreg.results.calibration import Calibration
     from dynreg.sim.robot import Robot
     from dynreg.verbs.journals import Journals
-    from dynreg.verbs.simulators import Simulator
+    from dynreg.verbs.simulator import Simulator
     from dynreg.verbs.subjects import Recorded
 
 TRIALS = 190  # on a robot, as in paper B

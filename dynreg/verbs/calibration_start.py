@@ -1,16 +1,18 @@
 """The simulator that a calibration begins with: found, held against the robot, and against what is held out."""
 
-import re
 import warnings
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from dynreg.data.names import episode_of
 from dynreg.errors import Assumed, UsageError
 from dynreg.registry import Registry
 from dynreg.sim.robot import Robot
 from dynreg.verbs.several import parted
-from dynreg.verbs.simulators import NOMINAL, Simulator, shaped, simulator
+from dynreg.verbs.shaped import shaped
+from dynreg.verbs.simulator import NOMINAL, Simulator
+from dynreg.verbs.simulators import simulator
 from dynreg.verbs.subjects import Recorded
 
 
@@ -61,9 +63,9 @@ def shaped_by(asked: Recorded, begin: Simulator, named: Mapping[str, Sequence[st
     held_out, parts = named["test"], begin.parts or {}
     if _names_in(parts) == _names_in(named):
         own = {*held_out} & {*parts.get("fit", ()), *parts.get("select", ())}
-        inherited = begin.inherited & {re.sub(r"\[\d+\]$", "", name) for name in held_out}
+        inherited = begin.inherited & {episode_of(name) for name in held_out}
         return tuple(sorted(own | inherited))
-    whole = {re.sub(r"\[\d+\]$", "", name) for name in held_out}
+    whole = {episode_of(name) for name in held_out}
     known = [shaped(asked.registry, begin, one.recording.id) for one in asked.each or (asked,)]
     return tuple(name for name in sorted(whole) if _is_in(name, asked, known))
 

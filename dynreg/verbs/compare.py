@@ -8,14 +8,15 @@ from dynreg.errors import DynregError, NoMatchError, RobotError, UsageError
 from dynreg.progress import Progress
 from dynreg.verbs.newest import about, newest_for
 from dynreg.verbs.settings import Settings, hold_out, option, seed, threads
-from dynreg.verbs.simulators import NAMES, NOMINAL, OLD, RECOMMENDED, WORDS, simulator
+from dynreg.verbs.simulator import NAMES, NOMINAL, OLD, RECOMMENDED, WORDS
+from dynreg.verbs.simulators import simulator
 
 if TYPE_CHECKING:
     from dynreg.compare.compare import Compared
     from dynreg.compare.contenders import Plan
     from dynreg.compare.rollouts import Scored
     from dynreg.results.comparison import Comparison
-    from dynreg.verbs.simulators import Simulator
+    from dynreg.verbs.simulator import Simulator
     from dynreg.verbs.subjects import Recorded
 
 MODELS = ("kinematic", "dynamic", "table", "network", "mlp")  # the names that `compare.contenders` knows

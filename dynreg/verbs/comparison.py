@@ -12,7 +12,7 @@ from dynreg.results.comparison import Commands, Comparison, Contender
 from dynreg.results.result import Cost, Gain
 from dynreg.results.rollouts import ComparedTrace, Horizon, Rollouts, Score
 from dynreg.sim.robot import Robot
-from dynreg.verbs.simulators import Simulator, made
+from dynreg.verbs.simulator import Simulator, made
 from dynreg.verbs.subjects import Recorded
 
 SHORT = 0.1  # s: the shortest command of the published ones

@@ -11,7 +11,8 @@ from dynreg.errors import UsageError, command
 from dynreg.evidence.many import MANY
 from dynreg.progress import Progress
 from dynreg.verbs.settings import Settings, address, executor, hold_out, option, seed, threads
-from dynreg.verbs.simulators import NAMES, NOMINAL, OLD, own, simulator
+from dynreg.verbs.simulator import NAMES, NOMINAL, OLD
+from dynreg.verbs.simulators import own, simulator
 
 if TYPE_CHECKING:
     import numpy as np

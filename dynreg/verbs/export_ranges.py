@@ -10,7 +10,8 @@ from dynreg.results.ranges import CarriedBy, FreeQuantity, RangesFile
 from dynreg.verbs.newest import newest_for
 from dynreg.verbs.ranges_document import Answer, opened
 from dynreg.verbs.show import stored_result
-from dynreg.verbs.simulators import WORDS, stored
+from dynreg.verbs.simulator import WORDS
+from dynreg.verbs.simulators import stored
 from dynreg.verbs.written import require_new, write_new
 
 KINDS = ("neighbours", "diagnosis")

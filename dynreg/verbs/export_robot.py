@@ -9,7 +9,8 @@ from dynreg.extend.robot_folder import export_robot
 from dynreg.registry import Registry
 from dynreg.results.robots import CarriedEffect, RobotFolder
 from dynreg.verbs.in_mujoco import in_mujoco
-from dynreg.verbs.simulators import NOMINAL, Simulator, named
+from dynreg.verbs.simulator import NOMINAL, Simulator
+from dynreg.verbs.simulators import named
 from dynreg.verbs.written import new_folder
 
 

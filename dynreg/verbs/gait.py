@@ -9,7 +9,7 @@ from dynreg.gait.accept import ACCEPT, EACH, USUAL
 from dynreg.gait.had import Had
 from dynreg.progress import Progress
 from dynreg.verbs.settings import Settings, method, option, seed, threads
-from dynreg.verbs.simulators import NOMINAL, OLD, POSTERIOR, WORDS
+from dynreg.verbs.simulator import NOMINAL, OLD, POSTERIOR, WORDS
 
 if TYPE_CHECKING:
     from dynreg.gait.seek import SearchSettings

@@ -13,7 +13,7 @@ from dynreg.progress import Progress
 from dynreg.verbs.gait import GaitSettings
 from dynreg.verbs.next_gait import Tried, forecasts, had_by, next_gait, told_by
 from dynreg.verbs.settings import option
-from dynreg.verbs.simulators import POSTERIOR, WORDS
+from dynreg.verbs.simulator import POSTERIOR, WORDS
 
 if TYPE_CHECKING:
     from dynreg.gait.tasks import Task

@@ -17,7 +17,8 @@ from dynreg.rng import stream, stream_seed
 from dynreg.sim.config import SimConfig
 from dynreg.verbs.neighbours import judged
 from dynreg.verbs.query import QuerySettings, query, retrieved
-from dynreg.verbs.simulators import NAMES, NOMINAL, POSTERIOR, WORDS, Simulator, own, simulator
+from dynreg.verbs.simulator import NAMES, NOMINAL, POSTERIOR, WORDS, Simulator
+from dynreg.verbs.simulators import own, simulator
 from dynreg.verbs.subjects import Recorded, population_for
 
 EARLIER = "earlier"  # the kind of a simulator that an earlier log told

@@ -7,7 +7,8 @@ import numpy as np
 from dynreg.replay.judged import channel_errors
 from dynreg.sim.config import terms_of
 from dynreg.sim.engines import rollout
-from dynreg.verbs.simulators import Simulator, fitted_on
+from dynreg.verbs.shaped import fitted_on
+from dynreg.verbs.simulator import Simulator
 from dynreg.verbs.subjects import Recorded
 from dynreg.verbs.unseen import held_out
 

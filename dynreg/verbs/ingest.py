@@ -11,7 +11,7 @@ from dynreg.registry import RecordingInfo, Registry
 from dynreg.registry.recordings import check_name
 from dynreg.results.stored import RecordingSummary
 from dynreg.sim.robot import Robot
-from dynreg.verbs.simulators import NAMES
+from dynreg.verbs.simulator import NAMES
 from dynreg.verbs.subjects import found_in, read_log, register
 
 

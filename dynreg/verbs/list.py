@@ -7,7 +7,7 @@ from typing import Any
 from dynreg.errors import UsageError
 from dynreg.registry import Registry
 from dynreg.results.stored import EntrySummary, Listing
-from dynreg.verbs.simulators import made
+from dynreg.verbs.simulator import made
 
 KINDS = ("population", "recording", "measured", "simulator", "result", "robot")
 Row = tuple[str, str, str, dict[str, Any]]  # id, name, robot, detail

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 from dynreg.errors import UsageError
 from dynreg.registry import Registry
-from dynreg.verbs.simulators import NOMINAL, Simulator, named, own, simulator
+from dynreg.verbs.simulator import NOMINAL, Simulator
+from dynreg.verbs.simulators import named, own, simulator
 from dynreg.verbs.subjects import loaded_robot
 
 if TYPE_CHECKING:

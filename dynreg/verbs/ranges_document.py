@@ -19,7 +19,7 @@ from dynreg.sim.effects import Terms
 from dynreg.sim.robot import Robot
 from dynreg.sim.space import Parameter
 from dynreg.verbs.posteriors import posterior_of
-from dynreg.verbs.simulators import Simulator
+from dynreg.verbs.simulator import Simulator
 
 OLDER = "correlations are not known: this result is of an older version. Intervals are taken as independent"
 NOWHERE = "nothing in the simulator depends on it: a measured input or another entry decides"

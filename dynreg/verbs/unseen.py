@@ -14,7 +14,7 @@ from dynreg.replay.rows import rows_of
 
 if TYPE_CHECKING:
     from dynreg.replay.windows import Windows
-    from dynreg.verbs.simulators import Simulator
+    from dynreg.verbs.simulator import Simulator
     from dynreg.verbs.subjects import Recorded
 
 Seen = Callable[[str, float, float], bool]

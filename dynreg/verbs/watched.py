@@ -10,7 +10,8 @@ from dynreg.gait.play import told
 from dynreg.registry import Registry, ResultRecord
 from dynreg.results.gait import Gait
 from dynreg.verbs.gaits import gait_of, genes_of, trials_of
-from dynreg.verbs.simulators import NOMINAL, RECOMMENDED, own, simulator
+from dynreg.verbs.simulator import NOMINAL, RECOMMENDED
+from dynreg.verbs.simulators import own, simulator
 from dynreg.verbs.subjects import Recorded, require_fits, robot_of
 from dynreg.verbs.written import require_new, write_new
 from dynreg.watch.frames import SIMULATED, Frames, frames

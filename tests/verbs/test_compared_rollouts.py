@@ -15,7 +15,7 @@ from dynreg.session import Session
 from dynreg.sim.config import SimConfig
 from dynreg.sim.effects import term
 from dynreg.sim.robot import Robot, load_robot
-from dynreg.verbs.simulators import Simulator
+from dynreg.verbs.simulator import Simulator
 from dynreg.verbs.unseen import seen
 
 

@@ -33,7 +33,8 @@ from dynreg.verbs.gait import gait as seek
 from dynreg.verbs.gait_simulators import Chosen, with_earlier
 from dynreg.verbs.gaits import genes_of
 from dynreg.verbs.next_gait import Tried, had_by
-from dynreg.verbs.simulators import Simulator, simulator
+from dynreg.verbs.simulator import Simulator
+from dynreg.verbs.simulators import simulator
 from dynreg.verbs.subjects import Recorded, recorded
 from dynreg.verbs.trial_folder import EVERY, MCAP_END, PATIENCE, QUIET, TrialFolder, state
 

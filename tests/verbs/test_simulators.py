@@ -10,7 +10,8 @@ from dynreg.errors import NoMatchError, OldWord, UsageError
 from dynreg.session import Session
 from dynreg.sim.config import SimConfig
 from dynreg.sim.robot import load_robot
-from dynreg.verbs.simulators import NAMES, OLD, named, own, simulator, told_last
+from dynreg.verbs.simulator import NAMES, OLD
+from dynreg.verbs.simulators import named, own, simulator, told_last
 
 EFFECT = {"coulomb_friction[arm]": {"torque": 0.02}}
 

@@ -26,7 +26,7 @@ from dynreg.sim.robot import load_robot
 from dynreg.verbs import accepted
 from dynreg.verbs.gait import MANY, MEETS, SOURCES, GaitSettings
 from dynreg.verbs.gait import ROLLOUTS as ROLLOUTS_IN_DRAWS
-from dynreg.verbs.simulators import NAMES
+from dynreg.verbs.simulator import NAMES
 
 ROLLOUTS = 22  # two batches of CMA-ES in one simulator
 

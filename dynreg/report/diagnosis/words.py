@@ -25,7 +25,7 @@ from dynreg.results.result import Gain
 from dynreg.results.sentence import diagnosis_details, times
 from dynreg.sim.engine import ENGINES
 from dynreg.verbs.diagnosis_words import excite_command
-from dynreg.verbs.simulators import NOMINAL, WORDS
+from dynreg.verbs.simulator import NOMINAL, WORDS
 
 FLOORS = {
     "repeatability": "the difference of repeated runs",
