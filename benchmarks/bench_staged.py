@@ -11,13 +11,13 @@ stage's generations. Only the table of a whole run is kept.
 
 import argparse
 import tempfile
-import time
 from fnmatch import fnmatchcase
 from pathlib import Path
 
 import aibo
 import numpy as np
 from kept import RESULTS, keep
+from searches import kept_searches, spent
 from staged_runs import UNITS, calibrated, deviations
 
 import dynreg
@@ -78,24 +78,25 @@ def main() -> None:
     parser.add_argument("--air", type=float, default=aibo.AIR, help="seconds in the air")
     parser.add_argument("--walk", type=float, default=aibo.WALK, help="seconds of a walk")
     parser.add_argument("--seed", type=int, default=REPORT)
-    parser.add_argument("--registry", type=Path, help="to go on in")
-    parser.add_argument("--resume", action="store_true")
+    parser.add_argument("--journal", type=Path, help="folder of an interrupted run, to go on from")
     parser.add_argument("--threads", type=int, default=0)
     given = parser.parse_args()
     hidden = aibo.hidden(given.seed)
     with (
         tempfile.TemporaryDirectory() as folder,
-        dynreg.open(given.registry or Path(folder) / "registry") as session,
+        dynreg.open(Path(folder) / "registry") as session,
     ):
-        began = time.perf_counter()
-        found, _ = calibrated(session, given, hidden)
-        spent = time.perf_counter() - began
+        journals = given.journal or Path(folder) / "journals"
+        given.resume = any(journals.glob("*.jsonl"))
+        with kept_searches(session.registry.journal_path("").parent, journals):
+            found, rollouts = calibrated(session, given, hidden)
         robot = load_robot("aibo")
         found |= {"true parameters": hidden.values(robot.space), "another simulator": another(robot)}
         table = deviations(hidden, session, found, given.threads)
+        took = spent(journals)
     show(table)
-    print(f"{spent:.0f} s")
-    keep(FILE, {"seconds": spent, "table": table}, parser, given)
+    print(f"{rollouts} simulators, {', '.join(f'{value:.0f} {name}' for name, value in took.items())}")
+    keep(FILE, {"simulators": rollouts, **took, "table": table}, parser, given)
 
 
 if __name__ == "__main__":

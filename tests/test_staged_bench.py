@@ -94,3 +94,23 @@ def test_slippery_elbows_are_named_and_nothing_where_they_are_not(
         (cause,) = found.causes
         assert (cause.effect, cause.bodies) == ("second_friction_material", ("elbow",))
         assert cause.parameters["loss"].value == pytest.approx(loss, abs=0.1)
+
+
+def test_an_interrupted_run_goes_on_in_another_registry(aibo, tmp_path: Path) -> None:
+    from searches import kept_searches, spent
+
+    folder, first, second = tmp_path / "kept", tmp_path / "first", tmp_path / "second"
+    with pytest.raises(KeyboardInterrupt), kept_searches(first, folder):
+        (first / "air.jsonl").write_text("one\n")
+        raise KeyboardInterrupt
+    took = spent(folder)
+    assert took["seconds"] > 0.0 and took["core seconds"] > 0.0
+    with kept_searches(second, folder):
+        assert (second / "air.jsonl").read_text() == "one\n"
+        (second / "air.jsonl").write_text("one\ntwo\n")
+        (second / "ground.jsonl").write_text("begun\n")
+    assert (folder / "air.jsonl").read_text() == "one\ntwo\n"
+    assert (folder / "ground.jsonl").read_text() == "begun\n"
+    assert spent(folder)["seconds"] > took["seconds"]
+    with kept_searches(first, folder):  # an older registry has an older journal
+        assert (first / "air.jsonl").read_text() == "one\ntwo\n"

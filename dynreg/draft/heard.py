@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from dynreg.data.checks import check_clocks, errors, likely_unit, slow_clock
+from dynreg.data.checks import check_clocks, errors
+from dynreg.data.checks.clock import likely_unit, slow_clock
 from dynreg.data.drafting import Draft
 from dynreg.data.episodes import raw_episodes
 from dynreg.data.schema import ChannelSpec, RecordingSpec

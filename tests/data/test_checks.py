@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dynreg.data.checks import longest_run, velocity_slope
+from dynreg.data.checks.motion import velocity_slope
+from dynreg.data.checks.runs import longest_run
 from dynreg.data.ingest import doctor, read_recording
 from dynreg.data.maps import parse_map
 from dynreg.data.schema import ChannelSpec, RecordingSpec

@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from dynreg.data.checks import BEYOND, velocity_slope
+from dynreg.data.checks.motion import velocity_slope
+from dynreg.data.checks.numbers import BEYOND
 from dynreg.data.drafting.offers import Offer
 from dynreg.data.names import joint_of, quantity_of
 from dynreg.data.schema import ChannelSpec

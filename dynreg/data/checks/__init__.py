@@ -1,0 +1,74 @@
+"""Checks of a log: clocks, gaps, numbers, units, limits."""
+
+import json
+from collections.abc import Iterable, Iterator
+
+from dynreg.data.base_frame import check_frame
+from dynreg.data.checks.clock import check_clocks
+from dynreg.data.checks.motion import stuck, velocities
+from dynreg.data.checks.numbers import check_numbers, check_range, check_spikes
+from dynreg.data.episodes import RawEpisode
+from dynreg.data.names import quantity_of
+from dynreg.data.schema import RecordingSpec
+from dynreg.data.series import Finding
+
+__all__ = ["check_clocks", "check_episode", "check_numbers", "check_spikes", "errors"]
+
+
+def check_episode(episode: RawEpisode, spec: RecordingSpec, gap: float) -> tuple[Finding, ...]:
+    """Everything that is found in one episode against the channels; `gap` [s] is a silence to report.
+
+    Where control is timed there are none: a row stands where a command begins.
+    """
+    where = f"{episode.file}, episode {episode.name}"
+    findings = [
+        Finding("error", "missing", where, f"channel {c.name!r} is missing")
+        for c in spec.channels
+        if c.name not in episode.channels and not c.optional
+    ]
+    findings += [
+        Finding("warning", "missing", where, f"setting {name!r} is not known")
+        for name in spec.settings
+        if name not in episode.settings and name not in spec.usual
+    ]
+    findings += episode.findings
+    specs = {c.name: c for c in spec.channels}
+    shown = {name: s for name, s in episode.channels.items() if not specs[name].hold}
+    findings += check_clocks(episode.channels, where, None)
+    findings += check_clocks(shown, where, None if spec.rate is None else gap, only_gaps=True)
+    for name, series in episode.channels.items():
+        here = f"{where}, {name}"
+        findings += check_numbers(series, here, episode.dropped.get(name), optional=specs[name].optional)
+        # an impact is over in a sample of a velocity; a position cannot come back so
+        told = specs[name].kind in ("state", "input") and specs[name].unit not in ("rad/s", "m/s")
+        findings += check_spikes(series, here, f"under [channels.{json.dumps(name)}]") if told else ()
+        findings += check_range(
+            series, specs[name], here, followed=spec.rate is None and quantity_of(name) == "yaw"
+        )
+    findings += stuck(episode, specs, where)
+    findings += velocities(episode, where)
+    findings += check_frame(episode, where)
+    findings += _short(episode, spec, where)
+    return tuple(findings)
+
+
+def _short(episode: RawEpisode, spec: RecordingSpec, where: str) -> Iterator[Finding]:
+    states = [episode.channels[c.name] for c in spec.channels if c.name in episode.channels and not c.hold]
+    if not states:
+        return
+    duration = min(s.time[-1] - s.time[0] if len(s) else 0.0 for s in states)
+    rows = min(len(s) for s in states)
+    if rows < 2:
+        yield Finding("error", "short", where, f"{rows} samples; at least 2 are needed")
+    elif spec.rate is not None and duration * spec.rate < 10:
+        yield Finding(
+            "warning", "short", where, f"lasts {duration:.3f} s, less than 10 steps at {spec.rate:g} Hz"
+        )
+    elif spec.rate is not None and rows < 0.1 * duration * spec.rate:
+        text = f"{rows / duration:.3g} samples/s for {spec.rate:g} Hz of control: is the clock in seconds?"
+        yield Finding("warning", "rate", where, text)
+
+
+def errors(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """The findings that block ingestion."""
+    return tuple(f for f in findings if f.severity == "error")

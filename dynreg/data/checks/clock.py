@@ -1,0 +1,111 @@
+"""Stamps that run back, stand still, repeat, scatter, fall silent or count in another unit."""
+
+import json
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from dynreg.data.checks.runs import longest_run
+from dynreg.data.series import Finding, Series
+
+STANDSTILL_ROWS = 10  # rows with one and the same stamp that make a stopped clock
+JITTER = 3.0  # 99th percentile over median period
+SLOW_STEP = 2.0  # [s] between rows: a clock in another unit
+LIKELY: Mapping[str, str] = {"ns": "nanoseconds", "us": "microseconds", "ms": "milliseconds"}
+
+
+def check_clocks(
+    channels: Mapping[str, Series], where: str, gap: float | None, only_gaps: bool = False
+) -> Iterator[Finding]:
+    """Clock findings, once for all signals that share their stamps."""
+    groups: dict[bytes, list[str]] = {}
+    for name, series in channels.items():
+        groups.setdefault(series.time.tobytes(), []).append(name)
+    for names in groups.values():
+        more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+        time = channels[names[0]].time
+        here = f"{where}, {names[0]}{more}"
+        if not only_gaps:
+            yield from check_clock(time, here)
+        if gap is not None:
+            yield from check_gaps(time, here, gap)
+
+
+def check_clock(time: np.ndarray, where: str) -> Iterator[Finding]:
+    """Stamps that run back, stand still, repeat or scatter."""
+    good = np.isfinite(time)
+    if not good.all():
+        row = int(np.argmin(good))
+        text = f"{int((~good).sum())} rows have no time stamp: they are left out"
+        yield Finding("warning" if good.any() else "error", "clock", f"{where}, row {row}", text)
+        time = time[good]
+    steps = np.diff(time)
+    if not len(steps):
+        return
+    back = np.flatnonzero(steps < 0)
+    if len(back):
+        row = int(back[0]) + 1
+        yield Finding(
+            "error",
+            "clock",
+            f"{where}, row {row}",
+            f"the clock runs back by {-steps[row - 1]:.6g} s at {time[row - 1]:.6f} s ({len(back)} times); "
+            'mend it, or split there with by = "gaps" under [episodes]',
+        )
+    equal = steps == 0
+    if equal.any():
+        start, run = longest_run(equal)
+        stopped = run >= STANDSTILL_ROWS
+        yield Finding(
+            "error" if stopped else "warning",
+            "clock",
+            f"{where}, row {start}",
+            f"the clock stands still at {time[start]:.6f} s for {run + 1} rows"
+            if stopped
+            else f"{int(equal.sum())} stamps repeat the one before; the last row of each stands",
+        )
+    moving, unit = steps[steps > 0], likely_unit(time)
+    if unit is not None:
+        text = f"{slow_clock(time, unit)}; set time_unit = {json.dumps(unit)} under [map]"
+        yield Finding("warning", "clock", where, text)
+    elif len(moving) >= 10:
+        median, late = np.median(moving), np.quantile(moving, 0.99)
+        if late > JITTER * median:
+            text = f"uneven stamps: median {1e3 * median:.3g} ms, 99 % below {1e3 * late:.3g} ms"
+            yield Finding("info", "jitter", where, text)
+
+
+def likely_unit(time: np.ndarray) -> str | None:
+    """The unit ("ms", "us" or "ns") of stamps (T,) whose steps are too long to be seconds; None for others."""
+    step = _usual_step(time)
+    if step <= SLOW_STEP:
+        return None
+    return "ns" if step > 2e5 else "us" if step > 200 else "ms"
+
+
+def slow_clock(time: np.ndarray, unit: str) -> str:
+    """What is said of stamps (T,) that count in this `likely_unit`."""
+    return f"the median step is {_usual_step(time):.4g} s: the clock looks like {LIKELY[unit]}"
+
+
+def _usual_step(time: np.ndarray) -> float:
+    """The median step of a clock [s]; 0 for too few stamps."""
+    steps = np.diff(time)
+    moving = steps[steps > 0]
+    return float(np.median(moving)) if len(moving) >= 10 else 0.0
+
+
+def check_gaps(time: np.ndarray, where: str, gap: float) -> Iterator[Finding]:
+    """Silences longer than `gap` [s]."""
+    steps = np.diff(time)
+    long = np.flatnonzero(steps > gap)
+    if len(long):
+        first = int(long[0])
+        yield Finding(
+            "warning",
+            "gap",
+            f"{where}, row {first + 1}",
+            f"{len(long)} {'gap' if len(long) == 1 else 'gaps'} longer than {gap:g} s, the first "
+            f"{steps[first]:.3f} s at {time[first]:.3f} s, the longest {steps.max():.3f} s; "
+            'split there with by = "gaps" under [episodes]',
+        )
