@@ -20,7 +20,7 @@ from dynreg.data.maps import DEFAULT_GAP, LogMap, check_map, identity_map
 from dynreg.data.readers import ReadOptions, read_log
 from dynreg.data.readers.merge import side_by_side
 from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.data.resample import left_out, resample
+from dynreg.data.resample import check_span, resample
 from dynreg.data.schema import RecordingSpec
 from dynreg.data.series import Finding, RawLog
 from dynreg.data.words import steady
@@ -63,7 +63,7 @@ def read_recording(paths: Paths, spec: RecordingSpec, log_map: LogMap | None = N
     channels = tuple(
         Channel(c.name, c.unit) for c, there in zip(spec.channels, present, strict=True) if there
     )
-    findings += [finding for p in placed for finding in left_out(p.raw, spec)]
+    findings += [finding for p in placed for finding in check_span(p.raw, spec)]
     provenance = {
         "files": [entry for path in files for entry in _hashes(path)],
         "robot": spec.robot,
@@ -150,7 +150,7 @@ def doctor(
         for episode in episodes if not errors(findings) else ():
             try:
                 spans.append(_Placed(episode, *resample(episode, spec)).span)
-                findings += left_out(episode, spec)
+                findings += check_span(episode, spec)
             except LogError as error:
                 where = f"{episode.file}, episode {episode.name}"
                 findings.append(Finding("error", "span", where, str(error)))

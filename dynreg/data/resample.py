@@ -90,7 +90,7 @@ def common_span(episode: RawEpisode, series: dict[str, Series], spec: RecordingS
     return float(start), float(end)
 
 
-def left_out(episode: RawEpisode, spec: RecordingSpec) -> Iterator[Finding]:
+def check_span(episode: RawEpisode, spec: RecordingSpec) -> Iterator[Finding]:
     """What is to be said where much of an episode is left out, because a channel begins late or ends early."""
     begins, ends = _edges(_cleaned(episode), spec)
     start, end = max(begins.values()), min(ends.values())

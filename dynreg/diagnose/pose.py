@@ -15,7 +15,7 @@ from dynreg.evidence.hypothesis import Coordinates
 from dynreg.evidence.many import MANY
 from dynreg.evidence.model import Model
 from dynreg.replay.cut import windows
-from dynreg.replay.holes import hit, holes, left_out, sentence
+from dynreg.replay.holes import hit, holes, sentence, without_start
 from dynreg.replay.known import known_values
 from dynreg.replay.parts import Parts, parts, thinned
 from dynreg.replay.windows import Windows
@@ -82,7 +82,7 @@ def _cut(robot: Robot, recording: Recording, options: DiagnosisOptions) -> tuple
     lost = holes(robot, recording)
     cut = cut.take(np.flatnonzero(~hit(cut, lost) & _begun_known(robot, cut, options)))
     told = [sentence(recording, lost)] if lost else []
-    told += filter(None, [left_out(robot, recording)])
+    told += filter(None, [without_start(robot, recording)])
     why = f": {'; '.join(told)}" if told else ""
     if len(cut) < 2:
         raise LogError(

@@ -64,7 +64,7 @@ def sentence(recording: Recording, found: Sequence[Hole]) -> str:
     )
 
 
-def left_out(robot: Robot, recording: Recording) -> str:
+def without_start(robot: Robot, recording: Recording) -> str:
     """How many episodes have no row at which a replay can begin, and what they lack, in words; "" for none.
 
     A start needs every channel that any episode has, whatever its weight: see `Rows.startable`.

@@ -17,7 +17,7 @@ from dynreg.diagnose.threshold import FEW, USUAL
 from dynreg.diagnose.verdict import rivals
 from dynreg.diagnose.where import ErrorRow
 from dynreg.errors import command
-from dynreg.replay.holes import holes, left_out, sentence
+from dynreg.replay.holes import holes, sentence, without_start
 from dynreg.results.diagnosis import Pulled
 from dynreg.results.sentence import times
 from dynreg.sim.robot import Robot
@@ -94,7 +94,7 @@ def notes(
     lost = holes(made.problem.model.robot, recording)
     if lost:
         out.append(f"{sentence(recording, lost)}. Rollouts over such rows are left out")
-    if some := left_out(made.problem.model.robot, recording):
+    if some := without_start(made.problem.model.robot, recording):
         out.append(f"{some}. Log the same channels in all of them")
     given = made.found.base.hypothesis.terms
     if given:

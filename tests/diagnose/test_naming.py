@@ -79,6 +79,8 @@ def test_on_robots_drawn_afresh_at_most_two_are_wrong_and_nine_are_found():
 def test_a_robot_diagnosed_alone_gets_the_answer_that_it_gets_beside_others():
     """To the last bit: what else is in a batch changes no rollout."""
     same = {"seconds": 0.0, "core_seconds": 0.0}
-    for number in (CASES.index(("cogging", "medium")), len(CASES) - 1):
+    some = [CASES.index(("cogging", "medium")), CASES.index(("payload", "strong")), len(CASES) - 1]
+    beside = diagnosed(*(hiding(number, SEED) for number in some))
+    for number, result in zip(some[::2], beside[::2], strict=True):
         (alone,) = diagnosed(hiding(number, SEED))
-        assert alone.model_copy(update=same) == trials(SEED)[number].model_copy(update=same)
+        assert alone.model_copy(update=same) == result.model_copy(update=same)

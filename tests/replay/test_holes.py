@@ -11,7 +11,7 @@ from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.pose import pose
 from dynreg.errors import LogError, UsageError
 from dynreg.replay.cut import windows
-from dynreg.replay.holes import Hole, hit, holes, left_out, sentence
+from dynreg.replay.holes import Hole, hit, holes, sentence, without_start
 from dynreg.replay.parts import parts
 from dynreg.sim.robot import Robot, load_robot
 
@@ -85,10 +85,13 @@ def test_episodes_without_a_channel_that_others_have_are_said_to_be_left_out(rob
         for c in robot.file.channels
     ]
     robot = replace(robot, file=robot.file.model_copy(update={"channels": light}))
-    assert left_out(robot, recording) == ""
+    assert without_start(robot, recording) == ""
     some = emptied(recording, *((number, "arm/velocity", slice(None)) for number in (1, 3)))
     assert windows(robot, some).episode.tolist() == [0, 2, 4]
-    assert left_out(robot, some) == "2 of 5 episodes are left out: they lack arm/velocity, which others have"
+    assert (
+        without_start(robot, some)
+        == "2 of 5 episodes are left out: they lack arm/velocity, which others have"
+    )
     with pytest.raises(
         LogError, match="the recording makes 1 rollout.*: 4 of 5 episodes are left out: they lack arm"
     ):
@@ -98,7 +101,7 @@ def test_episodes_without_a_channel_that_others_have_are_said_to_be_left_out(rob
             DiagnosisOptions(),
         )
     every = emptied(recording, *((number, "arm/velocity", slice(None)) for number in range(5)))
-    assert left_out(robot, every) == "" and len(windows(robot, every)) == 5
+    assert without_start(robot, every) == "" and len(windows(robot, every)) == 5
 
 
 def test_inputs_hold_where_they_hold_no_number(robot, recording):

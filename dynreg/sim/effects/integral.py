@@ -27,10 +27,9 @@ class IntegralPart(OfAnyDrive):
         before = np.zeros_like(u) if before is None else before
         error = u - x.q
         asked = p["gain"] * (error + p["rate"] * before) - x.rate * x.v
-        most = x.limit * np.clip(1.0 - p["fade"] * x.v, 0.0, 1.0)
-        least = -x.limit * np.clip(1.0 + p["fade"] * x.v, 0.0, 1.0)
-        stuck = ((asked > most) & (error > 0.0)) | ((asked < least) & (error < 0.0))
-        after = before + np.where(stuck, 0.0, x.h * error)
+        side = np.copysign(1.0, error)
+        most = x.limit * np.minimum(np.maximum(1.0 - p["fade"] * (side * x.v), 0.0), 1.0)  # on that side
+        after = before + np.where(side * asked > most, 0.0, x.h * error)
         x.memory["integral"] = np.where(x.stiffness > 0.0, after, 0.0)
         return u + p["rate"] * 0.5 * (before + after)  # the mean over the time step
 
