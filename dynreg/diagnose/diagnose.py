@@ -152,7 +152,7 @@ def search(
         state = yield from accepted(state, posed)
     report("causes", 1, 1)
     state = yield from plan.settle(state, posed, options.seed)
-    evidence = yield from Evidence.of(state, problem.untested(recording), least.ratios)
+    evidence = yield from Evidence.of(state, problem.train_part(recording), least.ratios)
     loose = yield from unpenalised(state, posed)
     judged = yield from judge(problem.model, state, loose, posed)
     doubted = doubts(state, judged, ranking)
@@ -180,7 +180,7 @@ def offered(model: Model, data: Data, options: DiagnosisOptions) -> list[Term]:
 
     Raises UsageError if none of the requested effects can act.
     """
-    robot, held = model.robot, measured_effects(model.robot, data.open)
+    robot, held = model.robot, measured_effects(model.robot, data.train)
     terms = single_terms(robot, options.effects or (), (*options.without, *held))
     if some_joints(robot, options):
         terms = terms_at(terms, options.joints)
@@ -203,7 +203,7 @@ def no_candidates(
     Where none was asked for, those that a choice of joints leaves out. Not those that a measured input contains: see
     `measured_effects`.
     """
-    able, held = applicable(robot), measured_effects(robot, data.open)
+    able, held = applicable(robot), measured_effects(robot, data.train)
     some = some_joints(robot, options)
     asked = [name for name in able if some and name not in options.without]
     found, out = {term.effect.id for term in terms}, {}

@@ -39,7 +39,7 @@ def guided(
     """
     if options.ranker == "off" or (options.ranker == "auto" and not problem.plan.alike):
         return problem
-    noise = own_noise(problem.model.robot, problem.untested(recording))
+    noise = own_noise(problem.model.robot, problem.train_part(recording))
     found = kept(problem, noise, cache)
     if found is None and options.ranker == "make":
         count = usual_count(problem) if count is None else count

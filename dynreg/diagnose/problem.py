@@ -11,7 +11,7 @@ from dynreg.evidence.data import Data
 from dynreg.evidence.lockstep import Search
 from dynreg.evidence.model import Model
 from dynreg.evidence.slopes import uneven
-from dynreg.replay.parts import untested
+from dynreg.replay.parts import train_part
 from dynreg.sim.effects import Term
 from dynreg.sim.effects.contact import can_touch
 from dynreg.sim.engine import ENGINES
@@ -30,9 +30,9 @@ class Problem:
     plan: Plan
     guide: Guide | None = None
 
-    def untested(self, recording: Recording) -> Recording:
+    def train_part(self, recording: Recording) -> Recording:
         """The rows of its recording that the search may look at: all but the test part."""
-        return untested(self.model.robot, recording, self.data.windows, self.data.parts)
+        return train_part(self.model.robot, recording, self.data.windows, self.data.parts)
 
 
 def planned(model: Model, data: Data, terms: Sequence[Term]) -> Search[Problem]:

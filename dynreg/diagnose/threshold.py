@@ -97,7 +97,7 @@ def threshold(
     at_once = found_before(problem, recording, options, cache)
     if at_once is not None:
         return at_once
-    noise = own_noise(problem.model.robot, problem.untested(recording))
+    noise = own_noise(problem.model.robot, problem.train_part(recording))
     key, told = key_of(problem, noise, runs, options.seed), commands(problem.data)
     report = progress or (lambda *_: None)
     report("threshold", 0, runs)
@@ -130,7 +130,7 @@ def found_before(
     runs = options.threshold_runs
     if runs == 0:
         return Threshold(USUAL, ())
-    key = key_of(problem, own_noise(problem.model.robot, problem.untested(recording)), runs, options.seed)
+    key = key_of(problem, own_noise(problem.model.robot, problem.train_part(recording)), runs, options.seed)
     told = commands(problem.data)
     for one in [] if cache is None else (cache.cached(KIND, key) or {"found": []})["found"]:
         if same(told, np.array(one["commands"])):

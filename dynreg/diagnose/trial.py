@@ -143,7 +143,7 @@ def null_search(trials: Trials, numbers: Iterable[int]) -> Search[list[tuple[flo
     recording, options = _without_effect(trials)
     problem = yield from posed(trials, recording, options)
     seeds = [null_seed(options.seed, i) for i in numbers]
-    noise = own_noise(trials.robot, problem.untested(recording))
+    noise = own_noise(trials.robot, problem.train_part(recording))
     return (yield from nulls_of(problem, noise, seeds))
 
 

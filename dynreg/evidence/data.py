@@ -64,9 +64,9 @@ class Data:
         return np.flatnonzero(self.parts.select)
 
     @property
-    def open(self) -> Windows:
+    def train(self) -> Windows:
         """The windows that are not held out."""
-        return self.windows.take(self.parts.open)
+        return self.windows.take(self.parts.train)
 
     @property
     def both(self) -> np.ndarray:

@@ -28,7 +28,7 @@ class Parts:
         return np.flatnonzero(self.fit | self.select)
 
     @property
-    def open(self) -> np.ndarray:
+    def train(self) -> np.ndarray:
         """Numbers of the windows that are not held out, those in no part among them."""
         return np.flatnonzero(~self.test)
 
@@ -115,14 +115,14 @@ def seen(recording: Recording, windows: Windows, chosen: np.ndarray) -> Recordin
     return Recording(recording.channels, tuple(episodes), recording.measured, recording.provenance)
 
 
-def untested(robot: Robot, recording: Recording, windows: Windows, parts: Parts) -> Recording:
+def train_part(robot: Robot, recording: Recording, windows: Windows, parts: Parts) -> Recording:
     """The recording without the test part: episodes of which nothing is held out, of others the windows left.
 
     Such pieces have the rows of `timed.on_grid`.
     """
     held = np.unique(windows.episode[parts.test])
     whole = [e for number, e in enumerate(recording.episodes) if number not in held]
-    others = parts.open[np.isin(windows.episode[parts.open], held)]
+    others = parts.train[np.isin(windows.episode[parts.train], held)]
     pieces = seen(on_grid(robot, recording), windows, others).episodes if len(others) else ()
     return replace(recording, episodes=(*whole, *pieces))
 

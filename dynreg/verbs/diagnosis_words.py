@@ -77,7 +77,7 @@ def inputs(problem: Problem, recording: Recording) -> tuple[str, ...]:
             )
         elif table.optional:
             out.append(f"{table.name} was not measured: {table.nominal:g} {table.unit} is assumed")
-    for name, by in measured_effects(problem.model.robot, problem.data.open).items():
+    for name, by in measured_effects(problem.model.robot, problem.data.train).items():
         out.append(f"{name} is not a candidate: the measured input {by} already contains it")
     return tuple(out)
 
@@ -117,7 +117,7 @@ def notes(
         )
     robot = made.problem.model.robot
     stated = dict(zip(robot.channels, robot.sensor_noise, strict=True))
-    for name, sigma in own_noise(robot, made.problem.untested(recording)).items():
+    for name, sigma in own_noise(robot, made.problem.train_part(recording)).items():
         out.append(
             f"the noise of {name} is about {sigma / stated[name]:.0f} times the value in robot.toml: correct it there"
         )

@@ -55,7 +55,7 @@ def posed(asked: Recorded, seed: int, threads: int) -> Posed:
     options = DiagnosisOptions(seed=seed, threads=threads)
     model, data = pose(asked.robot, asked.recording, options)
     problem = run(planned(model, data, offered(model, data, options)), threads=threads)
-    noise = own_noise(asked.robot, problem.untested(asked.recording))
+    noise = own_noise(asked.robot, problem.train_part(asked.recording))
     told = {"seed": seed, "commands": commands(problem.data).round(6).tolist()}
     says = population_key(problem, noise) | told
     identity = hashlib.sha256(json.dumps(says, sort_keys=True).encode()).hexdigest()

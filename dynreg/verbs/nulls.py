@@ -63,7 +63,7 @@ def null_of_diagnosis(
 
         def found() -> "Search[list[tuple[float, float]]]":
             problem = yield from posed(built, asked, how, begun, held)
-            noise = own_noise(built, problem.untested(asked))
+            noise = own_noise(built, problem.train_part(asked))
             return (yield from nulls_of(problem, noise, [null_seed(how.seed, number)]))
 
         return ran(found(), threads)

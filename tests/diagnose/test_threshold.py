@@ -333,7 +333,7 @@ def test_what_only_the_test_part_shows_is_not_looked_at_before_it_is_judged(robo
 
     odd = edited(recording, edit)
     one = posed(robot, odd, hold_out=",".join(held))
-    assert own_noise(robot, odd) and not own_noise(robot, one.problem.untested(odd))
+    assert own_noise(robot, odd) and not own_noise(robot, one.problem.train_part(odd))
     key = Keys()
     one.paid(key)
     assert key.asked["noise"] == {}

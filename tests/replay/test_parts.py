@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.errors import UsageError
-from dynreg.replay.parts import Parts, names, parts, seen, untested
+from dynreg.replay.parts import Parts, names, parts, seen, train_part
 from dynreg.replay.windows import Windows
 from dynreg.sim.robot import load_robot
 from dynreg.sim.run import Run
@@ -134,11 +134,13 @@ def test_what_is_not_held_out_is_whole_episodes_and_the_other_windows_of_a_part_
     recording, windows = made([2, 1, 3])
     test = np.array([False, False, True, False, True, False])
     split = Parts(~test, np.zeros_like(test), test)
-    found = untested(load_robot("servo_pendulum"), recording, windows, split)
+    found = train_part(load_robot("servo_pendulum"), recording, windows, split)
     assert [(e.name, len(e.time)) for e in found.episodes] == [
         ("e0", 21),
         ("e2[0:11]", 11),
         ("e2[20:31]", 11),
     ]
     nothing = replace(split, test=np.zeros_like(test))
-    assert untested(load_robot("servo_pendulum"), recording, windows, nothing).episodes == recording.episodes
+    assert (
+        train_part(load_robot("servo_pendulum"), recording, windows, nothing).episodes == recording.episodes
+    )
