@@ -40,7 +40,7 @@ class Drives:
     """
 
     def __init__(self, batch: Batch, layout: Layout, ports: Ports):
-        self._at = layout.action_actuator
+        self._at = slice_of(layout.action_actuator)
         self._dof = slice_of(layout.action_dof)
         self._write_to(batch)
         self._viscous = self._damping[:, self._dof] + ports.friction["viscous"]
@@ -99,7 +99,7 @@ class Steps:
 
     def __init__(self, batch: Batch | Alone, layout: Layout, drives: Drives, clock: Clock, busy: np.ndarray):
         self._batch, self._drives, self.clock = batch, drives, clock
-        self._ctrl, self._actuators = batch.bind("ctrl"), layout.action_actuator
+        self._ctrl, self._actuators = batch.bind("ctrl"), slice_of(layout.action_actuator)
         self._idle = np.setdiff1d(np.arange(batch.nsim), busy)
         self._groups = self._grouped(self._idle)
 
