@@ -7,16 +7,14 @@ import numpy as np
 
 from dynreg.data.recording import Recording
 from dynreg.errors import UsageError
-from dynreg.evidence.interval import NINETY
 from dynreg.progress import Progress
 from dynreg.replay.cut import windows
 from dynreg.replay.holes import hit, holes
-from dynreg.replay.judged import Traced, traced
+from dynreg.replay.judged import Traced, ratio, traced
 from dynreg.replay.parts import names, parts
 from dynreg.replay.residual import scaled
 from dynreg.replay.rows import rows_of
 from dynreg.replay.windows import Windows
-from dynreg.rng import stream
 from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot
@@ -24,7 +22,6 @@ from dynreg.sim.robot import Robot
 HORIZONS = (0.1, 0.5, 1.0)  # s, beside the longest
 LONGEST = 10.0  # s of a rollout, where the robot states no horizon
 MOST = 200  # rollouts of a horizon, evenly over the recording: more tell hardly more
-DRAWS = 2000  # draws of the bootstrap
 EPISODES = 4  # from which on they are drawn anew themselves: fewer tell nothing of how runs differ
 # Stretches of time that stand for episodes where these are fewer: each as long as ten allow, as errors of neighbouring
 # rollouts are alike; and enough for an interval (of ten draws with replacement, a 90 % one is 7 % too narrow).
@@ -61,28 +58,28 @@ class Errors:
         """(n, C + 1) errors."""
         return self.total.sum(axis=1) / np.maximum(self.many.sum(axis=0), 1)
 
-    def draws(self) -> np.ndarray | None:
-        """(D, n, C + 1) errors of resampled blocks, the same for all simulators; None for fewer than three blocks."""
-        blocks = len(self.many)
-        if blocks < 3:
-            return None
-        chosen = stream(0, "bootstrap").integers(0, blocks, (DRAWS, blocks))
-        weight = np.stack([np.bincount(row, minlength=blocks) for row in chosen]).astype(float)
-        return np.einsum("db,nbc->dnc", weight, self.total) / np.maximum(weight @ self.many, 1)[:, None]
+    def bounds(self, one: int) -> np.ndarray | None:
+        """(2, C + 1) the 90 % interval of a simulator's errors over the blocks; None where these are too few."""
+        return ratio(self.many, self.total[one])
 
-    def tie(self, draws: np.ndarray | None, one: int, other: int) -> tuple[bool | None, ...]:
+    def left(self, one: int, other: int = 0) -> np.ndarray | None:
+        """(2, C + 1) the interval of its errors over another's, in the same blocks; NaN where that errs by nothing."""
+        return ratio(self.total[other], self.total[one])
+
+    def tie(self, one: int, other: int) -> tuple[bool | None, ...]:
         """(C + 1,) whether two simulators cannot be told apart; None where nothing tells.
 
         They cannot where their difference is rounding, or less than the sensors' stated noise (all channels together:
-        less than that of all together), or where its interval holds 0. Without an interval (draws None) a larger
+        less than that of all together), or where the interval of their ratio holds 1. Without an interval a larger
         difference may be chance or not.
         """
         apart = np.abs(self.mean[one] - self.mean[other])
         small = (apart <= ROUNDING * np.maximum(self.mean[one], self.mean[other])) | (apart < self.noise)
-        if draws is None:
+        left = self.left(one, other)
+        if left is None:
             return tuple(True if tie else None for tie in small)
-        low, high = np.quantile(draws[:, one] - draws[:, other], NINETY, axis=0)
-        return tuple(bool(tie) for tie in small | ((low <= 0) & (high >= 0)))
+        low, high = left
+        return tuple(bool(tie) for tie in small | ((low <= 1.0) & (high >= 1.0)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,6 @@ import numpy as np
 from dynreg.compare.compare import Compared
 from dynreg.compare.contenders import Made, Plan, Predicts
 from dynreg.compare.rollouts import Errors, Scored
-from dynreg.evidence.interval import NINETY
 from dynreg.results.comparison import Commands, Comparison, Contender
 from dynreg.results.result import Cost, Gain
 from dynreg.results.rollouts import ComparedTrace, Horizon, Rollouts, Score
@@ -50,8 +49,7 @@ def rollouts(robot: Robot, names: tuple[str, ...], scored: Scored) -> Rollouts:
     """Errors at every horizon with their intervals, and what the longest says: the best, and those that tie with it."""
     longest = scored.errors[-1]
     best = int(np.argmin(longest.mean[:, -1]))
-    draws = longest.draws()
-    ties = {i: longest.tie(draws, best, i) for i in range(len(names)) if i != best}
+    ties = {i: longest.tie(best, i) for i in range(len(names)) if i != best}
     return Rollouts(
         episodes=scored.episodes,
         left_out=scored.left_out,
@@ -77,32 +75,35 @@ def rollouts(robot: Robot, names: tuple[str, ...], scored: Scored) -> Rollouts:
 
 
 def _scores(robot: Robot, names: tuple[str, ...], errors: Errors) -> Iterator[Score]:
-    mean, draws = errors.mean, errors.draws()
-    bounds = None if draws is None else np.quantile(draws, NINETY, axis=0)
+    mean, every = errors.mean, range(len(names))
+    bounds, left = ([of(i) for i in every] for of in (errors.bounds, errors.left))
+    ties = [None if i == 0 else errors.tie(i, 0) for i in every]
     labels = [(None, "spread"), *((robot.channels[c], robot.file.channels[c].unit) for c in errors.channels)]
     for at, (channel, unit) in enumerate(labels, start=-1):  # all channels together are the last column
         for i, name in enumerate(names):
-            tie = None if i == 0 else errors.tie(draws, 0, i)[at]
             yield Score(
                 simulator=name,
                 channel=channel,
                 seconds=errors.seconds,
                 error=float(mean[i, at]),
-                low=None if bounds is None else float(bounds[0, i, at]),
-                high=None if bounds is None else float(bounds[1, i, at]),
+                low=None if bounds[i] is None else float(bounds[i][0, at]),
+                high=None if bounds[i] is None else float(bounds[i][1, at]),
                 unit=unit,
-                gain=None if i == 0 else _gain(mean[:, at], None if draws is None else draws[..., at], i),
-                tie=tie,
+                gain=None if i == 0 else _gain(mean[:, at], None if left[i] is None else left[i][:, at], i),
+                tie=None if i == 0 else ties[i][at],
             )
 
 
-def _gain(mean: np.ndarray, draws: np.ndarray | None, one: int) -> Gain | None:
-    """How much less simulator `one` errs than the first; None where that one errs by nothing."""
+def _gain(mean: np.ndarray, left: np.ndarray | None, one: int) -> Gain | None:
+    """How much less simulator `one` errs than the first; None where that one errs by nothing.
+
+    left : (2,) the interval of its error over that of the first.
+    """
     if not mean[0] > 0:
         return None
     low = high = None
-    if draws is not None and (draws[:, 0] > 0).all():
-        low, high = (float(v) for v in np.quantile(1.0 - draws[:, one] / draws[:, 0], NINETY))
+    if left is not None and np.isfinite(left).all():
+        low, high = float(1.0 - left[1]), float(1.0 - left[0])
     return Gain(value=float(1.0 - mean[one] / mean[0]), low=low, high=high)
 
 
