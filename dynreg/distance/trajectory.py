@@ -1,48 +1,73 @@
 """Trajectory distance: the recording against each entry's stored run of the same commands."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from dynreg.distance.query import DistanceQuery, Ranked, in_order
-from dynreg.errors import UsageError
+from dynreg.errors import LogError, UsageError
+
+ALIKE = 1e-3  # of the commands' range: what commands that were stored and logged may differ by
 
 
 def rank(asked: DistanceQuery) -> Ranked:
-    """Entries by this distance; needs their states. Raises as `trajectory`."""
+    """Entries by this distance; needs their states. Raises as `trajectory`, for channels that were logged."""
     recording, robot, states = asked.recording, asked.robot, asked.population.entries.states
-    some = [episode.values for episode in recording.episodes]
-    rows = min(len(values) for values in some)
-    measured = np.stack([values[:rows, recording.columns(robot.channels)] for values in some])
-    commands = np.stack([values[: rows - 1, recording.columns(robot.actions)] for values in some])
+    logged = [column for column, name in enumerate(robot.channels) if name in recording.names]
+    own = recording.columns([robot.channels[column] for column in logged])
+    told = recording.columns(robot.actions)
+    episodes = {e.name: (e.values[:, own], e.values[:-1, told]) for e in recording.episodes}
     spread = states.reshape(-1, states.shape[-1]).std(axis=0) + 1e-9
-    every = trajectory(states, asked.population.shared.run.actions, measured, commands, spread)
+    every = trajectory(states[..., logged], asked.population.shared.run.actions, episodes, spread[logged])
     return in_order(asked.allowed, every[asked.allowed], len(every))
 
 
 def trajectory(
-    states: np.ndarray, actions: np.ndarray, measured: np.ndarray, commands: np.ndarray, spread: np.ndarray
+    states: np.ndarray,
+    actions: np.ndarray,
+    episodes: Mapping[str, tuple[np.ndarray, np.ndarray]],
+    spread: np.ndarray,
 ) -> np.ndarray:
-    """(M,) mean absolute difference, in units of each channel's spread.
+    """(M,) mean absolute difference, in units of each channel's spread: of each episode, then of all.
+
+    An episode may be a piece of a run that begins on the way, or go on after it.
 
     Parameters
     ----------
     states : (M, E, T+1, S) what the entries did under the bank's commands.
     actions : (E, T, A) the bank's commands.
-    measured : (E', T'+1, S) what the robot did; commands : (E', T', A) what it was told.
+    episodes : by name what the robot did (t+1, S), NaN where that is not known, and what it was told (t, A).
     spread : (S,) unit of each channel.
 
-    Raises UsageError where an episode's commands are none of the bank's.
+    Raises UsageError where an episode's commands are none of the bank's, LogError where nothing was measured.
     """
-    steps = min(commands.shape[1], actions.shape[1])
-    total = np.zeros(len(states))
-    for episode in range(len(commands)):
-        apart = np.abs(actions[:, :steps] - commands[episode, :steps]).max(axis=(1, 2))
-        match = int(np.argmin(apart))
-        if not apart[match] <= 1e-3 * max(np.ptp(actions), 1e-12):  # NaN is no match either
-            raise UsageError(
-                f"episode {episode} of the recording ran commands that the population did not",
-                expected="the population's own command bank on the robot",
-                do="use --distance one_sided, or run the bank's commands on the robot",
-            )
-        difference = states[:, match, : steps + 1] - measured[episode, : steps + 1]
-        total += np.nanmean(np.abs(difference) / spread, axis=(1, 2))
-    return total / len(commands)
+    apart = []
+    for name, (measured, told) in episodes.items():
+        told = told[: actions.shape[1]]
+        known = np.isfinite(measured[: len(told) + 1])
+        if not len(told) or not known.any():
+            continue
+        run, first = _place(actions, told, name)
+        difference = states[:, run, first : first + len(told) + 1] - measured[: len(told) + 1]
+        apart.append(np.nanmean(np.where(known, np.abs(difference) / spread, np.nan), axis=(1, 2)))
+    if not apart:
+        raise LogError(
+            "no episode has two rows and a measured state",
+            expected="measured states under the population's commands",
+            do="log the robot's channels, or correct their sources in the map",
+        )
+    return np.mean(apart, axis=0)
+
+
+def _place(actions: np.ndarray, told: np.ndarray, episode: str) -> tuple[int, int]:
+    """Run and row of the bank's commands (E, T, A) from which on they are these (t, A)."""
+    windows = np.lib.stride_tricks.sliding_window_view(actions, len(told), axis=1)  # (E, T-t+1, A, t)
+    apart = np.abs(windows - told.T).max(axis=(2, 3))
+    found = np.unravel_index(int(np.argmin(apart)), apart.shape)
+    if not apart[found] <= ALIKE * max(np.ptp(actions), 1e-12):  # NaN is no match either
+        raise UsageError(
+            f"episode {episode!r} of the recording ran commands that the population did not",
+            expected="the population's own command bank on the robot",
+            do="use --distance one_sided, or run the bank's commands on the robot",
+        )
+    return int(found[0]), int(found[1])

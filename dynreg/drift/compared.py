@@ -90,6 +90,12 @@ def _require(found: Pieces, of: Told, held: Held, sample: float) -> None:
     if len(found.commands):
         return
     seconds = of.commands.seconds
+    if found.outside > found.short + found.long:
+        raise LogError(
+            f"recording {held.name!r} has no command at the compared speeds: {found.outside} pieces lie beyond them",
+            expected="speeds within the limits of the robot's wheels, or within those of the earlier recording",
+            do="give an earlier recording that was driven as fast, or `low` and `high` of the wheels in robot.toml",
+        )
     raise LogError(
         f"recording {held.name!r} has no command of {sample:g} s ({found.short} shorter, {found.long} longer"
         f" pieces, {found.outside} beyond the robot's range; half of them last {np.median(seconds):.3g} s or more)",

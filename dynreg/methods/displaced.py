@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dynreg.data.names import piece_of
-from dynreg.errors import LogError
+from dynreg.errors import LogError, SimulationError
 from dynreg.replay.data import Data
 from dynreg.replay.velocity import pose_columns
 from dynreg.sim.effects import Terms, term
@@ -110,6 +110,12 @@ class Simulators:
         self.ran += len(values)
         self.seconds += len(values) * run.episodes * run.steps * self.data.windows.period
         pose = found.states[..., pose_columns(self.data.robot)]
+        if not np.isfinite(pose).all():
+            raise SimulationError(
+                f"a simulator of {self.data.robot.name!r} diverges under the recording's commands",
+                expected="parameters with which all of its episodes can be simulated",
+                do="narrow the ranges of [[parameters]] in robot.toml, or take a shorter time step",
+            )
         first, last = pose[:, at, pieces.begin], pose[:, at, pieces.end]
         flat = displacement(first.reshape(-1, len(AXES)), last.reshape(-1, len(AXES)))
         return flat.reshape(first.shape)

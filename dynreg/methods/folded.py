@@ -9,6 +9,7 @@ from scipy.optimize import lsq_linear
 from dynreg.methods.displaced import Displaced, Samples, Simulators, off
 from dynreg.replay.velocity import pose_columns
 from dynreg.sim.effects.wheels import WheelGain
+from dynreg.timed.commands import FINE
 from dynreg.timed.table import DisplacementTable
 
 GAIN, DIFFERENCE, MOST = WheelGain.id, WheelGain.parameters[0].name, WheelGain.parameters[0].most
@@ -18,7 +19,6 @@ SETS = ("base.wheel_radius", "base.track")
 STEP = 0.01  # of a coordinate, for slopes
 SMALL = 1e-3  # a step of no coordinate is longer: it is there
 ROUNDS = 6  # of Gauss and Newton at most
-FINE = np.array([1e-5, 1e-5, 1e-4])  # m, m, rad: the least scatter of a sample where sensors state no noise
 SURE = 2.0  # standard errors by which the wheels must differ
 
 

@@ -1,5 +1,6 @@
 """The losses of a staged calibration: what a simulator leaves of a recording, as one number."""
 
+import warnings
 from collections.abc import Callable
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 from dynreg.adapt.plan import Stage
 from dynreg.adapt.staged import Loss
 from dynreg.data.names import quantity_of
-from dynreg.errors import UsageError
+from dynreg.errors import Assumed, UsageError
 from dynreg.replay.data import Data
 from dynreg.replay.residual import MOST
 from dynreg.replay.velocity import pose_columns
@@ -127,9 +128,17 @@ def _rows(stage: Stage, data: Data) -> int:
 
 
 def _joints(data: Data, stage: Stage) -> np.ndarray:
-    own = [i for i, name in enumerate(data.robot.channels) if quantity_of(name) == "position"]
-    if not own or data.robot.planar:
-        raise _untold(stage, data, "no channel of a joint's position", "'replay' or 'velocity'")
+    """Columns of the joints' angles that are scored. What slides has another unit: that it is left out is told."""
+    robot = data.robot
+    scored = [
+        i for i, c in enumerate(robot.file.channels) if quantity_of(c.name) == "position" and c.weight > 0
+    ]
+    own = [i for i in scored if robot.file.channels[i].unit == "rad"]
+    if not own or robot.planar:
+        raise _untold(stage, data, "no channel of a joint's angle", "'replay' or 'velocity'")
+    if others := [robot.channels[i] for i in scored if i not in own]:
+        left_out = f"stage {stage.table.name!r}: loss 'joint' is of angles: {', '.join(others)} is left out"
+        warnings.warn(f"{left_out}; loss 'replay' counts it", Assumed, 2)
     return np.array(own)
 
 

@@ -140,7 +140,7 @@ def linearise(replays: Replays) -> Local:
     w[best] = 0.0
     weighted = (offset * w[:, None]).T
     gram = weighted @ offset
-    gram += (0.02 * np.trace(gram) / len(free) + 1e-12) * np.eye(len(free))
+    gram += (0.02 * np.trace(gram) / max(len(free), 1) + 1e-12) * np.eye(len(free))
     influence = np.linalg.solve(gram, weighted)
     change = flat - flat[best]
     jacobian = (influence @ change).T

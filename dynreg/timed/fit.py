@@ -10,7 +10,7 @@ import numpy as np
 from dynreg.rng import stream
 from dynreg.search.drive import Limits, drive
 from dynreg.search.genetic import Genetic, Rules
-from dynreg.timed.commands import Commands
+from dynreg.timed.commands import FINE, Commands
 from dynreg.timed.unicycle import unicycle
 
 # a1 to a6: the lags and drags of published robots from a Khepera to a wheelchair, and couplings beyond theirs
@@ -23,8 +23,8 @@ AT_ONCE = 20  # candidates in one batch: what fits the cache
 class Fitted:
     """Six parameters (6,), their errors on what was fitted and on the validation part, and the best so far.
 
-    An error is the mean over commands of the squares of the three displacements' errors, each over its variance.
-    history : (generations,) the lowest error of every generation.
+    An error is the mean over commands of the squares of the three displacements' errors, each over its variance,
+    which is never taken for less than that of `FINE`. history : (generations,) the lowest error of every generation.
     """
 
     parameters: np.ndarray
@@ -61,7 +61,7 @@ def fit_unicycle(
     Of the best of every generation the one with the lowest error on `validation` is kept (Pretorius et al.).
     threads : that simulate side by side; they change no number. progress : called with generations done and all.
     """
-    variance = moved.var(axis=0)
+    variance = np.maximum(moved.var(axis=0), FINE**2)  # rounding alone moves an axis that is not driven
     rng, population = stream(breeding.seed, "fit unicycle"), breeding.population
     search = Genetic(6, rng=rng, rules=Rules(population, breeding.tournament))
     parameters = lambda unit: RANGES[:, 0] + unit * np.ptp(RANGES, axis=1)  # noqa: E731

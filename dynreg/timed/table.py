@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynreg.errors import UsageError
-from dynreg.timed.commands import AXES
+from dynreg.timed.commands import AXES, FINE
 
 
 @dataclass(frozen=True)
@@ -135,15 +135,15 @@ def _p_values(
     known: tuple[np.ndarray, np.ndarray, np.ndarray],
     new: tuple[np.ndarray, np.ndarray, np.ndarray],
     welch: bool,
+    least: np.ndarray = FINE,
 ) -> np.ndarray:
-    """(cells, 3) of two-sided tests; where nothing scatters, 1 for equal means and 0 for others."""
+    """(cells, k) of two-sided tests on axes whose samples scatter by `least` (k,) at least."""
     from scipy.stats import ttest_ind_from_stats
 
     (n, mean, deviation), (m, other, spread) = known, new
+    deviation, spread = np.maximum(deviation, least), np.maximum(spread, least)
     with np.errstate(divide="ignore", invalid="ignore"):
         p = ttest_ind_from_stats(mean, deviation, n, other, spread, m, equal_var=not welch).pvalue
-    still = (deviation == 0.0) & (spread == 0.0)
-    p = np.where(still, np.where(mean == other, 1.0, 0.0), p)
     return np.where((n >= 2) & (m >= 2), p, np.nan)
 
 
@@ -166,7 +166,7 @@ def _reconcile(
         against = rest if rules.apart else np.concatenate([rest, fresh])
         known = tuple(np.array([[x]]) for x in (len(against), against.mean(), against.std(ddof=1)))
         others = tuple(np.array([[x]]) for x in (len(fresh), fresh.mean(), fresh.std(ddof=1)))
-        if not _p_values(known, others, rules.welch)[0, 0] < rules.level:
+        if not _p_values(known, others, rules.welch, FINE[[axis]])[0, 0] < rules.level:
             break
         may = [i for i in held if i not in fixed]
         if not may or len(held) <= 2:

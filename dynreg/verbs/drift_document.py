@@ -14,6 +14,7 @@ from dynreg.timed.drift import Shifts
 from dynreg.timed.patterns import HIGHEST, LOWEST
 
 UNITS = ("m", "m", "rad")
+MUCH = 0.1  # of the pieces: so many that are left out are told
 NOT_SPLIT = {"splits": 0, "by": None, "tests": None, "one_by_one": None, "alarms": None}
 
 
@@ -111,6 +112,11 @@ def _notes(found: Drifted, splits: int) -> tuple[str, ...]:
         out.append(
             f"{both.old.drives} and {both.new.drives} samples in {both.grid.cells} cells: ask for fewer --cells,"
             " or record more commands, the same ones in both"
+        )
+    if both.new.outside > MUCH * (len(both.new.commands) + both.new.outside):
+        out.append(
+            f"{both.new.outside} pieces of the recent recording are left out: their speeds lie beyond those that are"
+            " compared, the earlier recording's where robot.toml limits no wheel"
         )
     if found.clear and not found.rejected:
         out.append("no single cell shows the change: the pattern pools all of them")

@@ -115,18 +115,18 @@ def planned(
 
 def _ranges(robot: Robot, recording: Recording, found: Told, settings: NavigateSettings) -> CommandRange:
     """What the plan's commands may say: what most of the recording's do, and the robot takes."""
-    limits = np.array([(a.low, a.high) for a in map(robot.file.actions.__getitem__, _columns(robot))]).T
+    limits = robot.action_ranges[_columns(robot)].T
     rate = robot.file.robot.control_rate
     wheels = wheels_of(robot, recording.names).matrix
     ranges = CommandRange.used(found.commands, wheels, 1.0 / rate if rate else 0.0, limits)
     ranges = replace(ranges, commands=settings.commands)
     if settings.seconds is None:
         return ranges
-    longest = float(found.commands.seconds.max())
+    longest = float(np.floor(1000.0 * found.commands.seconds.max() + 1e-6) / 1000.0)  # as it is written
     if settings.seconds[1] > longest + 1e-9:
         raise UsageError(
-            f"seconds up to {settings.seconds[1]:g}, and the recording's longest command lasts {longest:.3g} s",
-            expected=f"no more than {longest:.3g}",
+            f"seconds up to {settings.seconds[1]:g}, and the recording's longest command lasts {longest:g} s",
+            expected=f"no more than {longest:g}",
             do="ask for shorter commands, or record longer ones",
             setting="seconds",
         )

@@ -1,6 +1,8 @@
 """Drift of hidden robots on two wheels: what changed is found and named, and where nothing did, nothing is."""
 
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -214,6 +216,24 @@ def test_pieces_that_are_too_short_too_long_or_too_fast_are_counted(
     for pair, name in (((rare, before), "before"), ((before, rare), "after")):
         with pytest.raises(LogError, match=rf"'{name}' has no command of 0.5 s .* give --sample 1"):
             found(diffdrive, *pair)
+
+
+def test_speeds_that_the_earlier_recording_never_had_are_told(tmp_path: Path, before: Recording) -> None:
+    """Without limits in robot.toml a robot that is driven faster now was judged on the overlap alone, in silence."""
+    folder = tmp_path / "free"
+    shutil.copytree(load_robot("diffdrive").folder, folder)
+    text = (folder / "robot.toml").read_text(encoding="utf-8")
+    (folder / "robot.toml").write_text(text.replace("low = -15.0\nhigh = 15.0\n", ""), encoding="utf-8")
+    free, wheels = load_robot(folder), np.array([0.0, 0.0, 0.0, 0.4, 0.4])
+    slow = tuple(replace(e, values=e.values * np.where(wheels > 0.0, wheels, 1.0)) for e in before.episodes)
+    told = found(free, replace(before, episodes=slow), before)
+    assert told.recent.outside > 0.3 * told.recent.pieces
+    assert any(
+        "pieces of the recent recording are left out: their speeds lie beyond" in note for note in told.notes
+    )
+    fast = tuple(replace(e, values=e.values + 50.0 * wheels) for e in before.episodes)
+    with pytest.raises(LogError, match="'after' has no command at the compared speeds: .* driven as fast"):
+        found(free, replace(before, episodes=slow), replace(before, episodes=fast))
 
 
 # ---- what is refused ----

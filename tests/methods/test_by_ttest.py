@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.errors import LogError
+from dynreg.errors import LogError, SimulationError
+from dynreg.methods import displaced as by_displaced
 from dynreg.methods.answer import Answer
 from dynreg.methods.by_ttest import followed
 from dynreg.methods.calibrator import Evidence, Limits, Question
@@ -146,3 +147,19 @@ def test_a_recording_without_poses_half_a_second_apart_is_refused(uneven: Data) 
     short = Recording(log.channels, tuple(Episode(e.name, e.time[:20], e.values[:20]) for e in log.episodes))
     with pytest.raises(LogError, match="about 0.5 s apart"):
         fitted(data(ROBOT, short))
+
+
+def test_a_simulator_that_diverges_is_told(uneven: Data, monkeypatch: pytest.MonkeyPatch) -> None:
+    """NaN corrections came to scipy, and means of cells hid them."""
+    pieces, real = displaced(uneven), by_displaced.rollouts
+
+    def diverging(*given, **told):
+        (found,) = real(*given, **told)
+        found.states[0, 0, 5:] = np.nan
+        return [found]
+
+    monkeypatch.setattr(by_displaced, "rollouts", diverging)
+    with pytest.raises(
+        SimulationError, match="a simulator of 'diffdrive' diverges under the recording's commands"
+    ):
+        Simulators(uneven).moved(pieces, NOMINAL[None], {})

@@ -1,6 +1,8 @@
 """The losses of a stage: joint angles up to a shift, mean velocities, and a simulation that diverged."""
 
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -180,3 +182,20 @@ def test_a_simulation_that_diverges_where_nothing_was_measured_is_judged_by_the_
     whole = of(fell, "velocity").of(cut.robot.space.to_unit(cut.start)[None])
     monkeypatch.setattr(Replayer, "states", diverging)
     assert of(fell, "velocity").of(cut.robot.space.to_unit(cut.start)[None]) == whole
+
+
+def test_what_slides_and_what_is_not_scored_does_not_count_as_an_angle(tmp_path: Path) -> None:
+    """Metres were added to radians, and a carriage of a millimetre weighed as a milliradian."""
+    with pytest.raises(UsageError, match="no channel of a joint's angle"):
+        of(recorded(load_robot("emps")), "joint")
+    folder = tmp_path / "arm"
+    shutil.copytree(load_robot("two_joint_arm").folder, folder)
+    text = (folder / "robot.toml").read_text(encoding="utf-8")
+    name = 'name = "elbow/position"\n'
+    (folder / "robot.toml").write_text(text.replace(name, f"{name}weight = 0\n"), encoding="utf-8")
+    cut = recorded(load_robot(folder))
+    column = cut.robot.channels.index("elbow/position")
+    other = replace(cut, windows=replace(cut.windows, measured=cut.windows.measured.copy()))
+    other.windows.measured[..., column] += 1.0
+    begin = cut.robot.space.to_unit(cut.start)[None]
+    assert of(cut, "joint").of(begin) == of(other, "joint").of(begin)

@@ -59,3 +59,9 @@ def test_a_linear_map_is_recovered_without_doubt(space):
     assert np.trace(local.doubt) < 0.01 * np.trace(
         local.jacobian.T @ (local.jacobian * local.weight[:, None])
     )
+
+
+@pytest.mark.filterwarnings("error")
+def test_where_the_recording_tells_all_parameters_nothing_is_free(space):
+    replays = started(space, Plant(), free=(False, False, False, False))
+    assert linearise(replays).jacobian.shape[1] == 0

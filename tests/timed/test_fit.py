@@ -1,5 +1,7 @@
 """The genetic algorithm finds the parameters that moved a robot."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from dynreg.rng import stream
@@ -52,3 +54,14 @@ def test_what_the_validation_likes_best_is_kept() -> None:
     given = Breeding(generations=25, population=40, tournament=8, seed=1)
     found = fit_unicycle(commands.take(cut), moved[cut], (commands.take(rest), other[rest]), TRACK, given)
     assert found.error > found.history.min()
+
+
+def test_rounding_of_an_axis_that_is_not_driven_fits_nothing() -> None:
+    """Straight ahead, 1e-8 m and rad of rounding counted as much as the way."""
+    commands = drawn(40, stream(7, "commands"), seconds=(0.1, 0.6))
+    straight = replace(commands, right=commands.left, right_before=commands.left_before)
+    moved = unicycle(straight, LAUT, TRACK) * [0.0, 1.0, 0.0]
+    noise = 1e-8 * stream(7, "rounding").standard_normal(moved.shape) * [1.0, 0.0, 1.0]
+    given = Breeding(generations=10, population=40, tournament=8)
+    found = [fit_unicycle(straight, one, (straight, one), TRACK, given) for one in (moved, moved + noise)]
+    assert np.array_equal(found[0].parameters, found[1].parameters)

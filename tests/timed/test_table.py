@@ -104,3 +104,14 @@ def test_old_samples_go_but_the_newest_stay(table: DisplacementTable) -> None:
     again, found = updated(after, cell, values + 0.1, 502, Rules(most=0.0))
     assert found.aged == 10 * 3  # three newer ones are among the five
     assert updated(table, cell, values, 500, Rules(most=0.0))[1].aged == 0
+
+
+def test_where_nothing_scatters_rounding_rejects_nothing() -> None:
+    """Logs without noise, or of whole millimetres: a difference of 1e-15 m rejected every test."""
+    cell = np.repeat(np.arange(5), 4)
+    known = DisplacementTable.of(5, cell, np.tile([0.1, 0.2, 0.3], (20, 1)))
+    new = DisplacementTable.of(5, cell, known.values + 1e-15, 1)
+    p, rejected = rejections(known, new, Rules())
+    assert (p > 0.99).all() and not rejected.any()
+    moved = DisplacementTable.of(5, cell, known.values + [0.0, 1e-3, 0.0], 1)
+    assert rejections(known, moved, Rules())[1].tolist() == [[False, True, False]] * 5

@@ -1,6 +1,7 @@
 """Plans made from a recording of a robot whose truth is known: they are driven on it, stored, and the same again."""
 
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -209,3 +210,35 @@ def test_the_command_goes_the_whole_way(registry: Session, found: Navigation, tm
     assert main([*line.split(), "--drives", "200", "--threads", "1", "--quiet", "-o", str(out)]) == 0
     assert str(found) in " ".join(capsys.readouterr().out.split())
     assert out.read_text(encoding="utf-8") == found.to_frame().to_csv(index=False)
+
+
+def test_a_robot_whose_wheels_have_no_limits_goes_as_fast_as_the_recording_did(
+    tmp_path: Path, registry: Session, found: Navigation
+) -> None:
+    """Limits that robot.toml does not state were a traceback."""
+    folder = tmp_path / "free"
+    shutil.copytree(load_robot("diffdrive").folder, folder)
+    text = (folder / "robot.toml").read_text(encoding="utf-8")
+    free = re.sub(r'(unit = "rad/s"\n)low = .*\nhigh = .*\n', r"\1", text)
+    assert free != text
+    (folder / "robot.toml").write_text(free, encoding="utf-8")
+    robot = load_robot(folder)
+    assert np.isinf(robot.action_ranges).all()
+    log = registry.recording("monday")
+    made = planned(robot, log, NavigateSettings(visit=(PLACE,), back=False, on="kinematic", **QUICK))
+    most = np.abs(np.stack([made.told.commands.left, made.told.commands.right])).max() / WHEEL
+    assert 0.0 < np.abs(made.values).max() <= most
+
+
+def test_the_longest_time_that_an_error_offers_is_taken(registry: Session, robot: Robot) -> None:
+    """1.19 was offered where the longest command lasted 1.187 s."""
+    log = registry.recording("monday")
+    slow = replace(log, episodes=tuple(replace(e, time=1.0074 * e.time) for e in log.episodes))
+    asked = {"visit": (PLACE,), "on": "kinematic", **QUICK}
+    with pytest.raises(UsageError) as refused:
+        planned(robot, slow, NavigateSettings(seconds=(0.1, 30.0), **asked))
+    longest = float(refused.value.expected.removeprefix("no more than "))
+    assert 0.49 < longest <= 1.0074 * 0.5
+    assert (
+        planned(robot, slow, NavigateSettings(seconds=(0.1, longest), **asked)).ranges.seconds[1] <= longest
+    )
