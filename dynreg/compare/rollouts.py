@@ -22,9 +22,9 @@ from dynreg.sim.robot import Robot
 HORIZONS = (0.1, 0.5, 1.0)  # s, beside the longest
 LONGEST = 10.0  # s of a rollout, where the robot states no horizon
 MOST = 200  # rollouts of a horizon, evenly over the recording: more tell hardly more
-EPISODES = 4  # from which on they are drawn anew themselves: fewer tell nothing of how runs differ
+EPISODES = 4  # from which on each is a block by itself: fewer tell nothing of how runs differ
 # Stretches of time that stand for episodes where these are fewer: each as long as ten allow, as errors of neighbouring
-# rollouts are alike; and enough for an interval (of ten draws with replacement, a 90 % one is 7 % too narrow).
+# rollouts are alike; and enough for an interval.
 STRETCHES = 10
 ROUNDING = 1e-6  # smaller relative differences of two errors are rounding
 CHANNELS = 4  # most channels of the traces

@@ -14,7 +14,7 @@ class Horizon(Result):
 
 
 class Score(Result):
-    """Mean absolute error of one simulator in the rollouts of one horizon, with its 90 % bootstrap interval, in `unit`.
+    """Mean absolute error of one simulator in the rollouts of one horizon, with its 90 % interval, in `unit`.
 
     channel : null for all channels together, each in units of its own spread and by its weight. gain : the relative
     reduction from the error of the first simulator, on the same rollouts; null for the first itself. tie : the interval
