@@ -240,3 +240,13 @@ def test_a_size_that_a_simpler_effect_has_too_makes_no_cause_large():
     naming = Naming(Scored(state().base, 0.0), (), Scored(point, 60.0), ())
     (one,) = doubts(replace(state(), current=point, rounds=(naming,)), FINE)
     assert one.kind == "small" and one.value < 0.01
+
+
+def test_windows_of_an_episode_count_once_where_a_cause_raises_the_error():
+    """One of four episodes in which it errs more, in all five of its windows, is no clear loss."""
+    some = judged(0.9, 0.5, 0.5, 0.5, windows=20)
+    more = np.where(np.arange(20) < 5, 1.4, 1.0 + 0.02 * np.sin(np.arange(20)))
+    each = np.concatenate([some.each[:3], some.each[2:3] * more])
+    runs = replace(some, each=each, episode=np.arange(20) // 5)
+    assert not runs.clearly_worse(0) and runs.of_cause(0).value < 0.0
+    assert replace(runs, episode=np.arange(20)).clearly_worse(0)
