@@ -97,8 +97,8 @@ def understood(model: mujoco.MjModel, a: int, joint: int) -> Drive | None:
         made = replace(drive, kind="position", gain=stiffness, rate_gain=max(rate, 0.0))
         return _ranged(made, low, high, scale, offset)
     if rate > 0:
-        scale = float(gain[0]) / (-float(bias[2]) * gear)
-        return _ranged(replace(drive, kind="velocity", rate_gain=rate), low, high, scale, 0.0)
+        scale, offset = float(gain[0]) / (-float(bias[2]) * gear), float(bias[0]) / (-float(bias[2]) * gear)
+        return _ranged(replace(drive, kind="velocity", rate_gain=rate), low, high, scale, offset)
     if stiffness < 0 or rate < 0 or bias[0] != 0:
         return None
     return replace(drive, gain=gear * float(gain[0]), low=low, high=high)
@@ -141,7 +141,8 @@ def force_range(model: mujoco.MjModel, joint: int) -> tuple[float, float]:
 
 
 def _control_range(model: mujoco.MjModel, a: int) -> tuple[float | None, float | None]:
-    if not model.actuator_ctrllimited[a]:
+    free = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL
+    if free or not model.actuator_ctrllimited[a]:
         return None, None
     return float(model.actuator_ctrlrange[a, 0]), float(model.actuator_ctrlrange[a, 1])
 

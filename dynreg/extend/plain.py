@@ -81,9 +81,9 @@ def _shape_actuators(robot: Robot, spec: mujoco.MjSpec, layout: Layout, law: Ser
         joint.actfrcrange = joint.actfrcrange + push * (joint.actfrcrange[0] < joint.actfrcrange[1])
         one.forcerange = [push - law.limit[0, a], push + law.limit[0, a]]
         low, high = layout.action_range[a]
-        one.ctrllimited = int(np.isfinite(low) and np.isfinite(high))
-        if one.ctrllimited:
-            one.ctrlrange = [low, high]
+        one.ctrllimited = int(np.isfinite(low) or np.isfinite(high))
+        if one.ctrllimited:  # MuJoCo knows no range with one end
+            one.ctrlrange = np.clip([low, high], -UNLIMITED, UNLIMITED)
         delay, lag = _value(robot, terms, "command_delay", a), _value(robot, terms, "command_lag", a)
         if (
             lag

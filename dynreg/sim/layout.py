@@ -12,6 +12,7 @@ from dynreg.sim.beside import tracked_bodies
 from dynreg.sim.robot import Robot
 
 BASE = ("x", "y", "z", "roll", "pitch", "yaw", "vx", "vy", "vz", "wx", "wy", "wz")
+FILTERS = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))  # what smooths a command
 
 
 @dataclass(frozen=True)
@@ -89,6 +90,13 @@ def _action_addresses(robot: Robot, joints: dict[str, int]) -> tuple[np.ndarray,
         dof.append(model.jnt_dofadr[joint])
         actuator.append(driven[0])
     return *(np.array(items, dtype=int) for items in (qpos, dof, actuator)), robot.action_ranges
+
+
+def filters(model: mujoco.MjModel, layout: Layout) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the drives (F,) whose actuators smooth their commands, and where in `act` (F,) what they hold is."""
+    at = layout.action_actuator
+    drives = np.flatnonzero(np.isin(model.actuator_dyntype[at], FILTERS))
+    return drives, model.actuator_actadr[at[drives]] + model.actuator_actnum[at[drives]] - 1
 
 
 def observe(layout: Layout, qpos: np.ndarray, qvel: np.ndarray, channels: int) -> np.ndarray:

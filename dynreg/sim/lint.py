@@ -6,6 +6,7 @@ from fnmatch import fnmatchcase
 import numpy as np
 
 from dynreg.data.names import joint_of
+from dynreg.sim.at_odds import at_odds
 from dynreg.sim.effects.contact import has_ground, touching_geoms
 from dynreg.sim.finding import Said
 from dynreg.sim.layout import layout_of
@@ -34,6 +35,7 @@ def doubts(robot: Robot) -> Iterator[Said]:
         yield from _twice(robot)
         yield from _past_stops(robot)
         yield from _no_ground(robot)
+        yield from at_odds(robot)
 
 
 def _tolerances(robot: Robot) -> Iterator[Said]:

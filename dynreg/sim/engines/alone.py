@@ -5,7 +5,14 @@ from typing import Any
 import mujoco
 import numpy as np
 
-_WRITABLE = ("qpos", "qvel", "ctrl", "qfrc_applied", "qacc_warmstart")  # the fields of a state that are bound
+_WRITABLE = (
+    "qpos",
+    "qvel",
+    "act",
+    "ctrl",
+    "qfrc_applied",
+    "qacc_warmstart",
+)  # the fields of a state that are bound
 
 
 class Alone:

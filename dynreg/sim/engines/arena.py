@@ -24,13 +24,13 @@ from dynreg.sim.engines.mujoco_model import (
 )
 from dynreg.sim.engines.mujoco_reset import foot_spheres, named_geoms, reset
 from dynreg.sim.engines.mujoco_steps import Drives, EffectSteps, Steps, busy_simulations
-from dynreg.sim.layout import Layout, base_motion, observe
+from dynreg.sim.layout import Layout, base_motion, filters, observe
 from dynreg.sim.ports import law_changes, servo_law
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run, Simulated, Walk
 
 TOUCHING = 1e-3  # m above the ground
-_KEPT = ("qpos", "qvel", "qacc_warmstart", "time", "ctrl", "qfrc_applied")  # what a start consists of
+_KEPT = ("qpos", "qvel", "act", "qacc_warmstart", "time", "ctrl", "qfrc_applied")  # what a start consists of
 
 
 class Simulations:
@@ -85,6 +85,7 @@ class Simulations:
             a.effect.begin(robot, batch, a.rows)
         self._start = {name: batch.bind(name).copy() for name in _KEPT}
         self._memory = [copy.deepcopy(a.moment.memory) for a in self._active]
+        self._filters, self._placed = filters(model, self.layout), run.initial is not None
         self._used = False
 
     def play(self, run: Run) -> Simulated:
@@ -186,7 +187,13 @@ class Simulations:
             self.power(self._inputs[:, 0])
         self._used = True
         q = batch.bind("qpos")[:, self.layout.action_qpos]
-        return self.steps(told(self.layout, self.ports, run, q), run.draws)
+        commands = told(self.layout, self.ports, run, q)
+        if (
+            self._placed
+        ):  # on the way: a filter holds what was told before, of which the first command is the nearest
+            drives, places = self._filters
+            batch.bind("act")[:, places] = commands[:, 0, drives]
+        return self.steps(commands, run.draws)
 
     def steps(self, commands: np.ndarray, draws: np.ndarray | None = None) -> Steps:
         """Every simulation as it is, with commands (n, T, A) before it, as the drives are told them."""

@@ -5,7 +5,7 @@ import numpy as np
 from mujoco.batch import Batch
 
 from dynreg.sim.engines.acting import true_states
-from dynreg.sim.layout import Layout, place, place_base
+from dynreg.sim.layout import Layout, filters, place, place_base
 from dynreg.sim.ports import Ports, takes_positions
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
@@ -23,19 +23,23 @@ def reset(
     """Keyframe pose, feet on the ground, settled under the pose's own commands, then the known states.
 
     told : (n, ...) numbers that the simulations were made of. Those made of the same settle alike, and one for all.
+    What the drives' own filters hold is the pose, too, until a command comes.
     """
     batch.reset(keyframe=robot.keyframe)
     qpos, qvel, ctrl = batch.bind("qpos"), batch.bind("qvel"), batch.bind("ctrl")
-    pose = qpos[:, layout.action_qpos].copy()
+    pose = np.where(takes_positions(ports), qpos[:, layout.action_qpos], 0.0)
+    drives, places = filters(model, layout)
+    act = batch.bind("act")
+    act[:, places] = pose[:, drives]
     if layout.base_qpos >= 0:
         qpos[:, layout.base_qpos + 2] -= _clearance(batch, model, int(model.dof_bodyid[layout.base_dof]))
     if robot.file.reset.settle > 0:
-        ctrl[:, layout.action_actuator] = np.where(takes_positions(ports), pose, 0.0)
+        ctrl[:, layout.action_actuator] = pose
         steps = np.ceil(robot.file.reset.settle / batch.expand("opt.timestep").reshape(-1)).astype(int)
         first, alike = _alike(told)
         for count in np.unique(steps[first]):
             batch.step(ids=np.sort(first[steps[first] == count]), nstep=int(count))
-        qpos[:], qvel[:] = qpos[first[alike]], qvel[first[alike]]
+        qpos[:], qvel[:], act[:] = qpos[first[alike]], qvel[first[alike]], act[first[alike]]
         batch.bind("qacc_warmstart")[:] = 0.0  # of the episode that settled: it would start unlike the others
     if layout.base_qpos >= 0:
         qpos[:, layout.base_qpos : layout.base_qpos + 2] = 0.0
@@ -65,9 +69,11 @@ def _rail(model: mujoco.MjModel, layout: Layout) -> int:
 
     The robot is lifted along it until its feet are above the ground, whatever pose its joints start in.
     """
-    known = {*layout.position[1], *layout.action_qpos}
+    known, data = {*layout.position[1], *layout.action_qpos}, mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
     for joint in range(model.njnt):
-        slide = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE and model.jnt_axis[joint, 2] > 0.99
+        slide = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE and data.xaxis[joint, 2] > 0.99
         on_world = model.body_parentid[model.jnt_bodyid[joint]] == 0
         if slide and on_world and model.jnt_qposadr[joint] not in known:
             return int(model.jnt_qposadr[joint])

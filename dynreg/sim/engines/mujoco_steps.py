@@ -20,7 +20,7 @@ from dynreg.sim.engines.acting import (
 )
 from dynreg.sim.engines.alone import Alone
 from dynreg.sim.engines.joint_kernel import SETTLED
-from dynreg.sim.layout import Layout
+from dynreg.sim.layout import Layout, filters
 from dynreg.sim.ports import Ports, ServoLaw, slice_of
 
 BETWEEN = (
@@ -161,6 +161,8 @@ class EffectSteps(Steps):
         self._bias, self._constraint = batch.bind("qfrc_bias"), batch.bind("qfrc_constraint")
         self._spring, self._springs = batch.bind("qfrc_spring"), batch.expand("jnt_stiffness").any()
         self._constraints, self._dry = batch.bind("nefc"), batch.bind("nf")
+        self._filtered, self._holds = filters(batch.model, layout)
+        self._activation = batch.bind("act")
         batch.forward(ids=busy)  # the forces before the first time step
 
     def read(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -206,6 +208,9 @@ class EffectSteps(Steps):
             self._ctrl[:, self._actuators] = u
         if not (self._feeding or self._apart or self._driving or self._rubbing):
             return
+        if len(self._filtered):  # such a drive follows what its filter holds
+            u = u.copy()
+            u[:, self._filtered] = self._activation[:, self._holds]
         asked = self._drives.torque(u, seen, speed, v)
         if self._apart and not self._begun:
             q, v = self._settle(asked, q, v)

@@ -1,0 +1,100 @@
+"""What a MuJoCo model does that robot.toml does not say, or that an engine leaves out: each finding is a warning."""
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+
+from dynreg.sim.finding import Said
+from dynreg.sim.held import JOINT, SINGLE
+from dynreg.sim.layout import FILTERS, layout_of
+from dynreg.sim.robot import Robot
+
+NEAR = 1e-6  # m
+PLANE, NO_STATE = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtDyn.mjDYN_NONE)
+
+
+def at_odds(robot: Robot) -> Iterator[Said]:
+    """Warnings about the model of a robot whose base moves in MuJoCo; every name of robot.toml must resolve."""
+    yield from _ground_elsewhere(robot)
+    yield from _actuators(robot)
+    yield from _left_out(robot)
+    yield from _bound_unseen(robot)
+
+
+def _ground_elsewhere(robot: Robot) -> Iterator[Said]:
+    """A plane that is not at height 0, where episodes set a free robot's feet."""
+    model = robot.model
+    planes = np.flatnonzero((model.geom_type == PLANE) & (model.geom_bodyid == 0))
+    heights = [
+        float(model.geom_pos[g, 2]) for g in planes if model.geom_contype[g] or model.geom_conaffinity[g]
+    ]
+    if robot.floating and heights and not any(abs(height) < NEAR for height in heights):
+        yield (
+            ("robot", "model"),
+            f"the ground is at a height of {heights[0]:g} m, and episodes begin with the feet at 0: the robot begins "
+            "in it or above it; move the ground to 0",
+        )
+
+
+def _actuators(robot: Robot) -> Iterator[Said]:
+    """Actuators that do something else than the law of their drive in robot.toml."""
+    if not robot.actions:
+        return
+    model, layout = robot.model, layout_of(robot)
+    for action, a, dof in zip(robot.file.actions, layout.action_actuator, layout.action_dof, strict=True):
+        joint, odd = int(model.dof_jntid[dof]), []
+        gear = float(model.actuator_gear[a, 0])
+        if gear != 1.0:
+            odd.append(f"has gear {gear:g}, by which MuJoCo multiplies what [[drives]] says: set it to 1")
+        if model.actuator_dyntype[a] not in (NO_STATE, *FILTERS):
+            odd.append(
+                "has a state of its own, so it does not do what it is told at once: set dyntype to none"
+            )
+        own = np.isin(model.actuator_trntype, JOINT) & (model.actuator_trnid[:, 0] == joint)
+        if own.sum() > 1:
+            odd.append("is not the only one of its joint, and the others are told 0 for ever: keep one")
+        for one in odd:
+            yield ("actions", action.name, "name"), f"the actuator of action {action.name!r} {one}"
+
+
+def _left_out(robot: Robot) -> Iterator[Said]:
+    """What the joint engine, which moves each joint alone, leaves out of a driven joint."""
+    if "joint" not in robot.engines or not robot.actions:
+        return
+    model, layout = robot.model, layout_of(robot)
+    dofs, at = layout.action_dof, layout.action_actuator
+    joints = model.dof_jntid[dofs]
+    told = {
+        "springs (stiffness)": model.jnt_stiffness[joints] != 0.0,
+        "limits of the joint's force (actuatorfrcrange)": model.jnt_actfrclimited[joints] != 0,
+        "filters of actuators": model.actuator_dyntype[at] != NO_STATE,
+        "gravity compensation": np.full(len(dofs), bool(model.body_gravcomp.any())),
+        "equality constraints": np.full(len(dofs), bool(model.neq)),
+    }
+    lacks = [what for what, where in told.items() if where.any()]
+    if lacks:
+        yield (
+            ("robot", "engines"),
+            f"engine joint leaves out {', '.join(lacks)} of the model, and answers otherwise than mujoco; name mujoco "
+            "alone in `engines`, or take them out of the model",
+        )
+
+
+def _bound_unseen(robot: Robot) -> Iterator[Said]:
+    """Joints that a constraint binds to others, and that no channel tells: every episode begins with it violated."""
+    model, layout = robot.model, layout_of(robot)
+    if not model.neq:
+        return
+    seen = {*layout.position[1], *layout.action_qpos}
+    free = [
+        model.joint(j).name or f"joint {j}"
+        for j in range(model.njnt)
+        if int(model.jnt_type[j]) in SINGLE and model.jnt_qposadr[j] not in seen
+    ]
+    if free:
+        yield (
+            ("robot", "model"),
+            f"equality constraints bind joints, and no channel tells {', '.join(free)}: an episode begins with these "
+            "in the reset pose, and the constraint pulls at all of them; log them and add channels",
+        )
