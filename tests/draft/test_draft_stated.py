@@ -2,12 +2,15 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 import strangers
 
 from dynreg.draft.entry import Drafted
 from dynreg.errors import DynregError, UsageError
 from dynreg.sim.check import problems
+from dynreg.sim.engines import rollout
+from dynreg.sim.run import Run
 from dynreg.verbs.robot_draft import RobotDraftSettings
 
 GEARED = '<actuator><motor joint="shoulder" gear="100"/><motor joint="elbow" gear="100"/></actuator>'
@@ -128,3 +131,37 @@ def test_a_free_base_of_an_mjcf_is_refused(tmp_path):
         drafted(tmp_path, strangers.POSITION, free_base=True)
     with pytest.raises(DynregError, match=r"--fixed-base.*leave <freejoint/> out"):
         drafted(tmp_path, strangers.POSITION, free_base=False)
+
+
+def test_a_velocity_drive_keeps_its_bias(tmp_path):
+    """It was dropped: the drive turned by 3 rad/s less than the model's."""
+    biased = (
+        '<actuator><general joint="elbow" gainprm="0.5" biastype="affine" biasprm="0.3 0 -0.1"/></actuator>'
+    )
+    made = drafted(tmp_path, biased)
+    text = made.files["robot.toml"].decode()
+    assert "5 times the control of the model's actuator, plus 3" in text
+
+
+def test_controls_that_nothing_clamps_have_no_range(tmp_path):
+    clamped = drafted(tmp_path, strangers.MOTOR).robot.file.actions
+    assert [a.high for a in clamped] == [1.0, 2.0]
+    free = strangers.ARM.format(actuators=strangers.MOTOR).replace(
+        "<worldbody>", '<option><flag clampctrl="disable"/></option><worldbody>', 1
+    )
+    (tmp_path / "free.xml").write_text(free)
+    assert [a.high for a in strangers.draft(tmp_path / "free.xml", "free").robot.file.actions] == [None, None]
+
+
+def test_a_stronger_motor_than_the_joint_states_is_stronger(tmp_path):
+    """The joint's own limit (`effort` of a URDF) clipped it once more: half of a population's range did nothing."""
+    path = tmp_path / "two_link.urdf"
+    path.write_text(strangers.URDF)
+    robot = strangers.draft(path, "two_link", kp=400.0, kd=1.0).robot
+    run = Run(np.full((1, 15, 2), [1.0, 0.0]), initial=np.zeros((1, len(robot.channels))))
+    limit = robot.space.names.index("torque_limit")
+    values = np.tile(robot.space.nominal, (2, 1))
+    values[1, limit] *= 1.4
+    column = robot.channels.index("joint_a/position")
+    usual, strong = rollout(robot, values, run, engine="mujoco").states[:, 0, :, column]
+    assert strong[2] > 1.3 * usual[2]

@@ -274,3 +274,35 @@ def test_a_drive_too_fast_for_the_time_step_is_named(
     ratio = float(re.search(r"time step / inertia = (\S+) \(followed to 0.5, swings from 1 on", line)[1])
     lower = float(re.search(r"lower the rate gain to (\S+),", line)[1])
     assert ratio > 1.0 and lower == pytest.approx(0.5 * float(rate_gain) / ratio, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('joint="elbow"', 'joint="elbow" gear="5"', "the actuator of action 'elbow/torque' has gear 5"),
+        (
+            "</actuator>",
+            '<position joint="elbow" kp="1"/></actuator>',
+            "the actuator of action 'elbow/torque' is not the only one of its joint",
+        ),
+        (
+            "</worldbody>",
+            '</worldbody><equality><joint joint1="elbow" joint2="shoulder"/></equality>',
+            "engine joint leaves out equality constraints of the model",
+        ),
+    ],
+    ids=["gear", "second actuator", "equality"],
+)
+def test_a_model_that_does_something_else_than_robot_toml_says_is_told(
+    write_robot: Callable[..., Path], old: str, new: str, said: str
+) -> None:
+    """All of these were called sound, and moved the joint otherwise."""
+    folder = write_robot()
+    both = GOOD.replace('engines = ["mujoco"]', 'engines = ["joint", "mujoco"]')
+    (folder / "robot.toml").write_text(both, encoding="utf-8")
+    model = folder / load_robot(folder).file.robot.model
+    text = model.read_text(encoding="utf-8")
+    assert not any(said in message for _, message in doubts(load_robot(folder)))
+    changed = text[: text.rindex(old)] + new + text[text.rindex(old) + len(old) :]
+    model.write_text(changed, encoding="utf-8")
+    assert any(said in message for _, message in doubts(load_robot(folder))), [*doubts(load_robot(folder))]
