@@ -85,11 +85,12 @@ def _shape(rr: Any, model: mujoco.MjModel, geom: int, colour: list[int]) -> Any:
 
 
 def _log_motion(rr: Any, stream: Any, frames: Frames, side: str, poses: np.ndarray) -> None:
-    where, turned = body_poses(frames.model, poses)
+    known = np.isfinite(poses).all(axis=1)
+    where, turned = body_poses(frames.model, poses[known])
     for body in range(1, frames.model.nbody):
         stream.send_columns(
             f"{side}/{_body(frames.model, body)}",
-            indexes=[rr.TimeColumn(TIMELINE, duration=frames.times)],
+            indexes=[rr.TimeColumn(TIMELINE, duration=frames.times[known])],
             columns=rr.Transform3D.columns(
                 translation=where[:, body], quaternion=np.roll(turned[:, body], -1, axis=1)
             ),

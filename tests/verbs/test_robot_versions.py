@@ -172,7 +172,9 @@ def test_a_recording_without_a_setting_outlives_a_version_of_its_robot(
 ):
     made = reg.ingest(no_gain, "servo_pendulum", name="no gain")
     assert any("setting 'kp' is not known" in one for one in made.findings)
-    with pytest.warns(Assumed, match="'no gain' does not tell kp in every episode: the nominal value of robot"):
+    with pytest.warns(
+        Assumed, match="'no gain' does not tell kp in every episode: the nominal value of robot"
+    ):
         reg.query("no gain", robot=heavier, population=reg.registry.populations()[0].id, **QUICK)
     for folder in (heavier, slower):
         reg.registry.put_robot(folder, load_robot(folder).hash, "servo_pendulum")
@@ -189,5 +191,7 @@ def test_a_recording_without_a_setting_is_shown_beside_a_simulator(reg: Session,
     other = load_robot(slower)
     reg.registry.put_robot(other.files, other.hash, other.name)
     simulator = reg.registry.put_simulator(SimConfig.of(other, other.space.nominal).as_dict())
-    with pytest.raises(UsageError, match=r"recording 'no gain' lacks what .*: rows at 50 Hz \(it has 100 Hz\)"):
+    with pytest.raises(
+        UsageError, match=r"recording 'no gain' lacks what .*: rows at 50 Hz \(it has 100 Hz\)"
+    ):
         reg.frames("no gain", simulator)
