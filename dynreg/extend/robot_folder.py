@@ -37,9 +37,7 @@ class Exported:
     problem: str | None = None
 
 
-def export_robot(
-    robot: Robot, config: SimConfig, destination: Path, identity: str | None = None
-) -> Exported:
+def export_robot(robot: Robot, config: SimConfig, destination: Path, identity: str | None = None) -> Exported:
     """Write a simulator of `robot` as a new robot folder.
 
     identity : the id by which a registry knows the simulator, for its name and its README; by default the hash of what
