@@ -20,7 +20,7 @@ from dynreg.sim.layout import layout_of, observe
 from dynreg.sim.robot import Robot, load_robot, packaged_robots
 from dynreg.watch.foxglove import log
 from dynreg.watch.frames import MEASURED, REST, SIMULATED, Frames, frames, poses, still
-from dynreg.watch.rrd import body_poses
+from dynreg.watch.rrd import body_poses, rrd
 from dynreg.watch.window import at, draw_ghost, place
 
 
@@ -198,6 +198,16 @@ def test_rerun_gets_both_robots_every_channel_and_its_residual(opened, tmp_path:
         "/residuals/arm/velocity",
     ):
         assert path.encode() in data
+
+
+def test_a_slash_in_the_name_of_a_body_is_no_step_of_its_path() -> None:
+    """Else Rerun would place the body in the frame of another one."""
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed: no .rrd is written")
+    text = '<body name="arm{}"><joint/><geom size="0.1"/>{}</body>'
+    bodies = text.format("", text.format("/link", ""))
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>")
+    data = rrd(Frames(model, -1, np.zeros(1), {MEASURED: np.zeros((1, 2))}, {}, {}), "run")
+    assert rb"/measured/arm\/link" in data and b"/measured/arm/link" not in data
 
 
 @pytest.mark.skipif(find_spec("rerun") is not None, reason="rerun-sdk is installed")
