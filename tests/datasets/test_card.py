@@ -47,6 +47,7 @@ def test_a_csv_has_the_parameters_of_its_entries_beside_it(exported, tmp_path: P
     exported.opened.export_dataset("bench", tmp_path / "bench.csv", "csv")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["bench.csv", "bench.csv.md"]
     assert "entries.csv" not in card_of(tmp_path / "bench.csv")
+    assert "of a file whose name ends in .csv" in card_of(tmp_path / "bench.csv")
 
 
 def test_the_code_of_a_csv_card_counts_each_episode_of_each_entry(exported, tmp_path: Path) -> None:

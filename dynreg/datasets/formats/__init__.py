@@ -114,6 +114,7 @@ print(rows.groupby(["entry", "episode"]).size())
                 _LOGGED,
                 "What was not measured is nan, or empty.",
                 "Numbers have as many digits as they need to be read back exactly.",
+                "`dynreg ingest` reads the log of a recording alone, of a file whose name ends in .csv.",
             ),
             alone="""\
 import pandas as pd
