@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -16,10 +17,10 @@ from dynreg.errors import UsageError
 from dynreg.registry import Registry
 from dynreg.sim.config import SimConfig
 from dynreg.sim.layout import layout_of, observe
-from dynreg.sim.robot import load_robot, packaged_robots
+from dynreg.sim.robot import Robot, load_robot, packaged_robots
 from dynreg.watch.foxglove import log
 from dynreg.watch.frames import MEASURED, REST, SIMULATED, Frames, frames, poses, still
-from dynreg.watch.rrd import body_poses
+from dynreg.watch.rrd import body_poses, rrd
 from dynreg.watch.window import at, draw_ghost, place
 
 
@@ -39,7 +40,8 @@ def bench(opened) -> Frames:
 def test_what_was_measured_and_simulated_lies_on_one_rising_timeline(opened, bench: Frames) -> None:
     recording = opened.recording("bench")
     assert (np.diff(bench.times) > 0).all()
-    assert bench.times[-1] == pytest.approx(sum(e.duration for e in recording.episodes), rel=0.05)
+    assert len(bench.times) == sum(len(e.time) for e in recording.episodes), "the first row of each is there"
+    assert bench.times[-1] == pytest.approx(sum(e.duration for e in recording.episodes) + 4 * REST)
     angle = bench.channels["arm/position"]
     assert np.array_equal(bench.poses[MEASURED][:, 0], angle[MEASURED])
     assert np.array_equal(bench.poses[SIMULATED][:, 0], angle[SIMULATED])
@@ -83,6 +85,52 @@ def test_a_base_on_wheels_drives_over_the_ground() -> None:
     body = int(robot.model.joint("base").bodyid[0])
     assert np.allclose((where[1] - where[0])[body, :2], [1.5, -0.5])
     assert np.allclose(np.abs(turned[1, body]), [np.sqrt(0.5), 0, 0, np.sqrt(0.5)])
+
+
+def standing(robot: Robot, rows: int, at: dict[str, float]) -> Recording:
+    """A recording in which channels and commands have these values, the others 0."""
+    names = (*robot.channels, *robot.actions)
+    values = np.tile([at.get(name, 0.0) for name in names], (rows, 1))
+    units = {c.name: c.unit for c in (*robot.file.channels, *robot.file.actions)}
+    time = np.arange(rows) / robot.file.robot.control_rate
+    return Recording(tuple(Channel(n, units[n]) for n in names), (Episode("a", time, values),))
+
+
+@pytest.mark.parametrize("name", ["create", "diffdrive"])
+def test_foxglove_gets_the_pose_of_a_base_on_wheels(name: str) -> None:
+    robot = load_robot(name)
+    places = {"base/x": 1.5, "base/yaw": np.pi / 2}
+    found = messages(
+        log(frames(robot, standing(robot, 60, places), SimConfig.of(robot, robot.space.nominal)))
+    )
+    pose = found["/measured/pose"][-1]["pose"]
+    assert pose["position"]["x"] == 1.5 and pose["orientation"]["z"] == pytest.approx(np.sqrt(0.5))
+    assert len(found["/simulated/pose"]) == len(found["/measured/pose"]) == 60
+    assert ("/measured/joint_states" in found) == (name == "diffdrive"), "only this one has wheels as joints"
+
+
+def test_the_end_of_an_episode_is_simulated_too() -> None:
+    robot = load_robot("create")  # whose windows last 10 s
+    found = frames(robot, standing(robot, 750, {}), SimConfig.of(robot, robot.space.nominal))
+    assert len(found.times) == 750 and all(np.isfinite(poses).all() for poses in found.poses.values())
+
+
+def test_where_nothing_can_be_simulated_the_measured_robot_is_shown_alone() -> None:
+    robot = load_robot("servo_pendulum")
+    recording = standing(robot, 100, {"arm/position": 0.3})
+    (episode,) = recording.episodes
+    values = episode.values.copy()
+    values[:40, robot.channels.index("arm/velocity")] = np.nan  # no simulation can begin
+    gap = replace(recording, episodes=(replace(episode, values=values),))
+    found = frames(robot, gap, SimConfig.of(robot, robot.space.nominal))
+    assert len(found.times) == 100 and (found.poses[MEASURED][:, 0] == 0.3).all()
+    assert np.flatnonzero(np.isfinite(found.poses[SIMULATED][:, 0])).tolist() == [*range(40, 100)]
+    told = messages(log(found))
+    assert (len(told["/measured/joint_states"]), len(told["/simulated/joint_states"])) == (100, 60)
+    data = mujoco.MjData(found.model)
+    place(found, MEASURED, 0, data)
+    place(found, SIMULATED, 0, data)
+    assert data.qpos[0] == 0.3, "a robot that is not simulated yet stays where it is"
 
 
 def test_what_was_not_measured_keeps_its_last_value() -> None:
@@ -152,6 +200,16 @@ def test_rerun_gets_both_robots_every_channel_and_its_residual(opened, tmp_path:
         assert path.encode() in data
 
 
+def test_a_slash_in_the_name_of_a_body_is_no_step_of_its_path() -> None:
+    """Else Rerun would place the body in the frame of another one."""
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed: no .rrd is written")
+    text = '<body name="arm{}"><joint/><geom size="0.1"/>{}</body>'
+    bodies = text.format("", text.format("/link", ""))
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>")
+    data = rrd(Frames(model, -1, np.zeros(1), {MEASURED: np.zeros((1, 2))}, {}, {}), "run")
+    assert rb"/measured/arm\/link" in data and b"/measured/arm/link" not in data
+
+
 @pytest.mark.skipif(find_spec("rerun") is not None, reason="rerun-sdk is installed")
 def test_without_rerun_one_line_says_how_to_get_it(opened, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"pip install 'dynreg\[rerun\]'"):
@@ -204,7 +262,7 @@ def test_the_simulator_begins_where_the_measurement_does() -> None:
         tuple(Channel(n, "1") for n in names), (Episode("a", time, values), Episode("b", time, values))
     )
     found = frames(robot, recording, SimConfig.of(robot, robot.space.nominal))
-    assert found.poses[SIMULATED][0, 0] == 0.3 and found.times[-1] == pytest.approx(0.98, abs=0.02)
+    assert found.poses[SIMULATED][0, 0] == 0.3 and found.times[-1] == pytest.approx(0.98 + REST)
 
 
 def test_a_rest_of_hours_between_two_logs_is_cut_short() -> None:

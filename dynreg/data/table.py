@@ -18,6 +18,7 @@ from dynreg.limits import limits, refuse
 SCHEMA = "dynreg/recording/2"
 _OLD = "dynreg/recording/1"  # had episode, time and the channels alone
 _KEY = b"dynreg"
+_ABOUT = ("/episode", "/settings")  # topics of an MCAP file that tell of its episodes
 _PAUSE = 1.0  # [s] between episodes in an MCAP file
 
 
@@ -185,8 +186,9 @@ def to_mcap(recording: Recording) -> bytes:
     """A log of JSON messages: the channel "arm/position" is the field `position` of topic "/arm".
 
     Episodes lie as far apart as their times tell; one whose time begins anew follows after a pause of 1 s. "/episode"
-    tells where each begins, "/settings" its settings. `map_for` gives the map that reads it back (stamps are whole
-    nanoseconds, and episodes are named by their number).
+    tells where each begins, "/settings" its settings. A channel that would stand in one of these, or in the place of
+    another channel, is in a topic with a "_" behind its name. `map_for` gives the map that reads it back (stamps are
+    whole nanoseconds, and episodes are named by their number).
     """
     from mcap.writer import CompressionType, Writer
 
@@ -195,7 +197,7 @@ def to_mcap(recording: Recording) -> bytes:
     writer = Writer(sink, compression=CompressionType.ZSTD)
     writer.start(profile="", library="dynreg")
     schema = writer.register_schema("object", "jsonschema", b'{"type":"object"}')
-    topics = {t: writer.register_channel(t, "json", schema) for t in ("/episode", "/settings", *groups)}
+    topics = {t: writer.register_channel(t, "json", schema) for t in (*_ABOUT, *groups)}
     for number, (episode, start) in enumerate(zip(recording.episodes, recording.begins(_PAUSE), strict=True)):
         base = start - episode.time[0]
 
@@ -234,9 +236,12 @@ def map_for(recording: Recording) -> LogMap:
 
 
 def _groups(recording: Recording) -> dict[str, dict[str, int]]:
-    """Topics, their fields and the columns these hold."""
+    """Topics, their fields and the columns these hold; a topic whose name or field is taken gets a "_" behind it."""
     groups: dict[str, dict[str, int]] = {}
     for i, name in enumerate(recording.names):
         prefix, _, field = name.rpartition("/")
-        groups.setdefault(f"/{prefix or field}", {})[field if prefix else "value"] = i
+        topic, field = (f"/{prefix}", field) if prefix else (f"/{field}", "value")
+        while topic in _ABOUT or field in groups.get(topic, {}):
+            topic += "_"
+        groups.setdefault(topic, {})[field] = i
     return groups

@@ -58,11 +58,9 @@ def joint_states(topic: str, names: Sequence[str], times: np.ndarray, angles: np
 
 
 def topics(name: str, names: Sequence[str], motion: Motion) -> list[Topic]:
-    """The joints and the base of a motion, under /name."""
-    return [
-        joint_states(f"/{name}/joint_states", names, motion.times, motion.joints),
-        Topic(f"/{name}/pose", "foxglove.PoseInFrame", _poses(motion)),
-    ]
+    """The joints, where there are some, and the base of a motion, under /name."""
+    moved = [joint_states(f"/{name}/joint_states", names, motion.times, motion.joints)] if names else []
+    return [*moved, Topic(f"/{name}/pose", "foxglove.PoseInFrame", _poses(motion))]
 
 
 def mcap(topics: Sequence[Topic]) -> bytes:

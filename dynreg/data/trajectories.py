@@ -140,18 +140,18 @@ class Trajectories:
         yield "key", Channel("entry", ""), texts(self.entries, np.repeat(np.arange(n, dtype=np.int32), rows))
         if self.numbers is not None:
             yield "key", Channel("number", ""), numbers(np.repeat(self.numbers.astype(np.int32), rows))
-        at = np.tile(np.repeat(np.arange(episodes, dtype=np.int16), steps), n)
+        at = np.tile(np.repeat(np.arange(episodes, dtype=np.int32), steps), n)
         named = not isinstance(self.episodes, np.ndarray)
-        yield (
-            "key",
-            Channel("episode", ""),
-            texts(self.episodes, at.astype(np.int32))
-            if named
-            else numbers(self.episodes.astype(np.int16)[at]),
-        )
-        yield "key", Channel("step", ""), numbers(np.tile(np.arange(steps, dtype=np.int16), n * episodes))
+        told = texts(self.episodes, at) if named else numbers(_small(self.episodes)[at])
+        yield "key", Channel("episode", ""), told
+        yield "key", Channel("step", ""), numbers(np.tile(_small(np.arange(steps)), n * episodes))
         if self.time is not None:
             yield "key", Channel("time", "s"), numbers(np.ascontiguousarray(self.time, np.float64).ravel())
+
+
+def _small(whole: np.ndarray) -> np.ndarray:
+    """Numbers from 0 on, in 16 bits where they fit and else in 32: stored shards keep their bytes."""
+    return whole.astype(np.int16 if whole.max(initial=0) <= np.iinfo(np.int16).max else np.int32)
 
 
 def numbers(values: np.ndarray) -> pa.Array:

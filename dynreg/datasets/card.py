@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from dynreg.data.recording import Channel
+from dynreg.data.table import to_table
 from dynreg.datasets.export import Export, Simulated
 from dynreg.datasets.formats import Format
 from dynreg.foreign import visible
@@ -85,7 +86,8 @@ def _counts(export: Export, size: int) -> str:
         ("rate", rate),
         ("bytes", str(size)),
     ]
-    return "## Counts\n\n" + _table(("what", "how many"), rows)
+    meant = "A transition is counted where everything in it was measured: a row, its command and the row after it."
+    return f"## Counts\n\n{_table(('what', 'how many'), rows)}\n\n{meant}"
 
 
 def _models(export: Export, size: int) -> str:
@@ -165,9 +167,10 @@ def _passed(export: Export) -> str:
 
 def _columns(export: Export, form: Format) -> str:
     keys = form.alone_keys if export.is_log else form.keys
-    rows = [(key, "s" if key == "time" else "", "key") for key in keys] + [
-        (c.name, c.unit or "1", role) for role, c in _roles(export)
-    ]
+    logs = form.as_logs(export)
+    roles = _logged(export) if logs and export.is_log else _roles(export)
+    rows = [(key, "s" if key == "time" else "", "key") for key in keys]
+    rows += [(c.name, c.unit or "1", role) for role, c in roles]
     words = ["## Columns", _table(("column", "unit", "role"), rows)]
     if "step" in keys:
         words.append(
@@ -175,12 +178,20 @@ def _columns(export: Export, form: Format) -> str:
             "has none. `episode` is the name or number of an episode in its entry, `step` that of a row in its "
             "episode."
         )
-    if export.recordings:
-        words.append(
-            "Where a log lacks an input or a setting, its nominal value stands in the rows of a dataset. "
-            "A recording alone as csv or mcap has the columns of its log and no others."
-        )
+    if export.recordings and logs:
+        words.append("A recording has the columns of its log and no others.")
+    elif export.recordings:
+        words.append("Where a log lacks an input or a setting, its nominal value stands in its rows.")
     return "\n\n".join(words)
+
+
+def _logged(export: Export) -> Iterator[tuple[str, Channel]]:
+    """Likewise of the log of the one recording, as it is written."""
+    known = {c.name: (role, c) for role, c in _roles(export)}
+    for field in to_table(export.recordings[0].read()).schema:
+        told = {key.decode(): value.decode() for key, value in field.metadata.items()}
+        if told["role"] != "key":
+            yield known.get(field.name, (told["role"], Channel(field.name, told.get("unit", ""))))
 
 
 def _read(export: Export, form: Format, name: str) -> str:

@@ -1,6 +1,6 @@
 """What is exported: a dataset, with what is known of its entries and recordings."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -131,12 +131,24 @@ class Export:
 
         A parameter's unit is in the metadata of its field. What a recording has not is null.
         """
+        rows = [row for p in self.populations for row in _rows(p)]
+        rows += [{"id": r.id, "kind": "measured" if r.measured else "simulated"} for r in self.recordings]
+        return self._table(rows)
+
+    def models_table(self) -> pa.Table:
+        """A row for each model, with the columns of `table`: simulated entries, then those of recordings."""
+        rows = [row for p in self.populations for row in _rows(p)]
+        rows += [
+            {"id": m.id, "kind": "measured", "population": m.population, "own_loss": m.own_loss}
+            for m in self.measured
+        ]
+        return self._table(rows)
+
+    def _table(self, rows: Sequence[Mapping[str, Any]]) -> pa.Table:
         named = {c.name: c for p in self.populations for c in p.parameters}
         keys = {"id": pa.string(), "kind": pa.string(), "number": pa.int32(), "population": pa.string()}
         fields = [pa.field(name, kind) for name, kind in keys.items()]
         fields += [pa.field(n, pa.float64(), metadata={"unit": c.unit}) for n, c in named.items()]
-        rows = [row for p in self.populations for row in _rows(p)]
-        rows += [{"id": r.id, "kind": "measured" if r.measured else "simulated"} for r in self.recordings]
         fields += [pa.field(name, pa.float64()) for name in ("own_loss", "train_loss")]
         return pa.Table.from_pylist(rows, pa.schema(fields))
 

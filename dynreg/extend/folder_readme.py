@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from dynreg.extend.carry import Carrier, carries
-from dynreg.sim.config import SimConfig
 from dynreg.sim.effects import Term
 from dynreg.sim.ports import UNLIMITED, nominal_ports, servo_law
 from dynreg.sim.robot import Robot
@@ -34,9 +33,9 @@ class Written:
     in_mjcf: bool = False
 
 
-def readme(robot: Robot, config: SimConfig, effects: Sequence[Written], problem: str | None) -> str:
-    """The text; problem : why there is no plain MJCF."""
-    lines = [f"# {robot.name}, simulator {config.id[:12]}", ""]
+def readme(robot: Robot, identity: str, effects: Sequence[Written], problem: str | None) -> str:
+    """The text; identity : of the simulator. problem : why there is no plain MJCF."""
+    lines = [f"# {robot.name}, simulator {identity[:12]}", ""]
     lines += [
         f"A simulator of `{robot.name}` as a robot folder. `robot.toml` has its parameters as nominal values:",
         "check it with `dynreg robots check FOLDER`, vary it with `dynreg populate FOLDER -n 1000`.",

@@ -37,9 +37,11 @@ class Exported:
     problem: str | None = None
 
 
-def export_robot(robot: Robot, config: SimConfig, destination: Path) -> Exported:
+def export_robot(robot: Robot, config: SimConfig, destination: Path, identity: str | None = None) -> Exported:
     """Write a simulator of `robot` as a new robot folder.
 
+    identity : the id by which a registry knows the simulator, for its name and its README; by default the hash of what
+    it is, where no registry holds it.
     Its robot.toml has the simulator's parameters as nominal values, and for each effect that acts before anything
     moves a parameter that does the same; `mujoco.xml` is the whole for MuJoCo alone (see `plain_name`); README.md tells
     what each effect became. Everything else is copied, the uncorrected model too.
@@ -57,7 +59,7 @@ def export_robot(robot: Robot, config: SimConfig, destination: Path) -> Exported
     acting(robot, terms)  # refuses what cannot act on this robot
     destination.mkdir()
     try:
-        written = _write(robot, config, values, terms, destination)
+        written = _write(robot, identity or config.id, values, terms, destination)
     except BaseException:
         shutil.rmtree(destination, ignore_errors=True)
         raise
@@ -65,7 +67,7 @@ def export_robot(robot: Robot, config: SimConfig, destination: Path) -> Exported
 
 
 def _write(
-    robot: Robot, config: SimConfig, values: np.ndarray, terms: Terms, folder: Path
+    robot: Robot, identity: str, values: np.ndarray, terms: Terms, folder: Path
 ) -> tuple[tuple[Written, ...], str | None]:
     robot.files.write(folder)
     problem = None
@@ -74,9 +76,9 @@ def _write(
     except DynregError as error:
         problem = error.problem
     effects = _carried(robot, values, terms, problem is None)
-    effects = _without_idle(_with_toml(robot, config, values, effects, folder), effects)
-    _with_toml(robot, config, values, effects, folder)
-    (folder / "README.md").write_text(readme(robot, config, effects, problem), encoding="utf-8")
+    effects = _without_idle(_with_toml(robot, identity, values, effects, folder), effects)
+    _with_toml(robot, identity, values, effects, folder)
+    (folder / "README.md").write_text(readme(robot, identity, effects, problem), encoding="utf-8")
     return effects, problem
 
 
@@ -113,11 +115,11 @@ def _without_idle(made: Robot, effects: tuple[Written, ...]) -> tuple[Written, .
 
 
 def _with_toml(
-    robot: Robot, config: SimConfig, values: np.ndarray, effects: tuple[Written, ...], folder: Path
+    robot: Robot, identity: str, values: np.ndarray, effects: tuple[Written, ...], folder: Path
 ) -> Robot:
     """Write robot.toml and read it again; RobotError where it is not what was to be written."""
     added = [one for effect in effects for one in effect.parameters]
-    (folder / TOML).write_text(_toml(robot, config, values, added), encoding="utf-8")
+    (folder / TOML).write_text(_toml(robot, identity, values, added), encoding="utf-8")
     made = load_robot(folder)
     if not np.array_equal(made.space.nominal, [*values, *(one.value for one in added)]):
         raise RobotError(
@@ -128,7 +130,7 @@ def _with_toml(
     return made
 
 
-def _toml(robot: Robot, config: SimConfig, values: np.ndarray, added: Sequence[Carrier]) -> str:
+def _toml(robot: Robot, identity: str, values: np.ndarray, added: Sequence[Carrier]) -> str:
     """robot.toml with other nominal values, the simulator's name, and a parameter for each carrier at its end."""
     text = toml_text(robot.files.files[TOML], TOML, RobotError)
     lines = text.splitlines()
@@ -137,7 +139,7 @@ def _toml(robot: Robot, config: SimConfig, values: np.ndarray, added: Sequence[C
         sure = _tolerance(p, float(value))
         if sure is not None:
             _replace(lines, line_of(text, ("parameters", i, "tolerance")), "tolerance", f"{sure:.3g}")
-    name = f"{robot.name}_{config.id[:8]}"
+    name = f"{robot.name}_{identity[:8]}"
     _replace(lines, line_of(text, ("robot", "name")), "name", literal(name))
     for one in added:
         lines += ["", "[[parameters]]", f"name = {literal(one.name)}", f"unit = {literal(one.unit)}"]

@@ -1,6 +1,5 @@
 """A part of a registry as a registry of its own."""
 
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import Any
 import dynreg.registry.disk as disk
 from dynreg.errors import NoMatchError, UsageError
 from dynreg.registry.entries import put_shard
-from dynreg.registry.files import sweep_beside, taken, temporary_folder
+from dynreg.registry.files import require_new, sweep_beside, temporary_folder
 from dynreg.registry.loading import load_shards
 from dynreg.registry.populations import held_spans
 from dynreg.registry.recordings import check_name
@@ -31,7 +30,7 @@ def export(registry: Registry, refs: Sequence[str], destination: Path | str) -> 
 
     Raises
     ------
-    UsageError : `destination` exists, or `refs` is empty.
+    UsageError : `destination` exists, its folder does not, or `refs` is empty.
     NoMatchError : a ref fits nothing, or several things.
     """
     destination = Path(destination)
@@ -39,8 +38,7 @@ def export(registry: Registry, refs: Sequence[str], destination: Path | str) -> 
         raise UsageError(
             "an export of nothing", expected="at least one thing", do="name what to export; see `dynreg list`"
         )
-    if os.path.lexists(destination):
-        raise taken(destination)
+    require_new(destination)
     wanted = [registry.resolve(ref, _KINDS) for ref in refs]
     sweep_beside(destination.absolute())
     with temporary_folder(destination.absolute()) as half_done:

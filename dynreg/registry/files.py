@@ -84,13 +84,31 @@ def write_file(path: Path, data: bytes) -> None:
         raise disk.refused("write", path, error) from error
 
 
-def taken(path: Path) -> UsageError:
+def _taken(path: Path) -> UsageError:
     """What is said of a name that something new was to have, and something has."""
     return UsageError(
         f"{str(path)!r} exists already",
         expected="a name that is not taken",
         do="name another one, or remove what is there",
     )
+
+
+def unwritten(path: Path, why: str, new: bool = False) -> UsageError:
+    """What is said of a place that cannot be written; new : where the name must be free, too."""
+    name = "a name that is not taken," if new else "a name"
+    return UsageError(
+        f"cannot write {str(path)!r}: {why}",
+        expected=f"{name} in an existing folder that may be written, with room left",
+        do="name another one",
+    )
+
+
+def require_new(path: Path) -> None:
+    """UsageError for a name that is taken, or whose folder is not there."""
+    if os.path.lexists(path):
+        raise _taken(path)
+    if not path.absolute().parent.is_dir():
+        raise unwritten(path, os.strerror(errno.ENOENT), new=True)
 
 
 def temporary_name(path: Path) -> Path:

@@ -16,14 +16,15 @@ ENOUGH = 4  # poses that tell a velocity better than commands do
 Cut = tuple[int, int, int]  # episode, first row, one past the last row
 
 
-def windows(robot: Robot, recording: Recording) -> Windows:
+def windows(robot: Robot, recording: Recording, rest: bool = False) -> Windows:
     """Cut a recording for replay, each window from a measured state; at most `replay.horizon` [s] long.
 
+    rest : whether what is left at the end of an episode is a shorter window; errors are judged in whole ones alone.
     Of robots with control = "timed" on the grid of `timed.on_grid`, to which the windows' `rows` then belong.
     Raises LogError where the recording lacks the commands to replay or has no rows.
     """
     rows = rows_of(robot, recording)
-    cuts = [cut for number in range(len(rows)) for cut in _cuts(robot, rows, number)]
+    cuts = [cut for number in range(len(rows)) for cut in _cuts(robot, rows, number, rest)]
     if not cuts:
         raise LogError(
             "no episode has two measured rows in a row",
@@ -47,15 +48,15 @@ def windows(robot: Robot, recording: Recording) -> Windows:
     return Windows(run, measured, spread, weight, numbers, spans, run.period)
 
 
-def _cuts(robot: Robot, rows: Rows, number: int) -> list[Cut]:
+def _cuts(robot: Robot, rows: Rows, number: int, rest: bool) -> list[Cut]:
     """The windows of one episode in which there is motion to see."""
     states, startable = rows.states[number], rows.startable[number]
     horizon = robot.file.replay.horizon
     length = len(states) if horizon is None else min(len(states), int(round(horizon / rows.period)) + 1)
     weighted = [i for i, c in enumerate(robot.file.channels) if c.weight > 0]
     out = []
-    for begin in range(0, len(states) - length + 1, max(length - 1, 1)):
-        stop = begin + length
+    for begin in range(0, len(states) - (1 if rest else length - 1), max(length - 1, 1)):
+        stop = min(begin + length, len(states))
         first = begin + np.flatnonzero(startable[begin:stop])
         if len(first) and np.isfinite(states[first[0] + 1 : stop, weighted]).any():
             out.append((number, int(first[0]), stop))

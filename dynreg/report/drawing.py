@@ -171,8 +171,12 @@ def _path(
     return "".join(out)
 
 
-def _placed(values: Iterable[float], span: tuple[float, float]) -> tuple[Tick, ...]:
-    return tuple(Tick(round(_percent(v, span), 2), f"{v:g}") for v in values)
+def _placed(values: Sequence[float], span: tuple[float, float]) -> tuple[Tick, ...]:
+    """Ticks with as many digits as tell each from the next: six, and more where they lie far from zero."""
+    digits = 6
+    if len(values) > 1:
+        digits = max(digits, 1 + math.ceil(math.log10(max(map(abs, values)) / (values[1] - values[0]))))
+    return tuple(Tick(round(_percent(v, span), 2), f"{v:.{digits}g}") for v in values)
 
 
 def _spaced(marks: Iterable[Tick]) -> tuple[Tick, ...]:

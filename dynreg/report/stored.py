@@ -207,7 +207,7 @@ def _dataset(result: DatasetExport) -> Text:
         for many, one in ((result.entries, "simulator"), (result.recordings, "recording"))
         if many
     ]
-    holds = {"episode": result.episodes, "transition": result.transitions, "model": result.models}
+    holds = {"episode": result.episodes, "complete transition": result.transitions, "model": result.models}
     held = ", ".join(count(many, one) for one, many in holds.items() if many is not None)
     return Text(
         f"{result.place}: {' and '.join(what)} of {result.robot} as {result.form}, {held}, {_size(result.bytes)}",

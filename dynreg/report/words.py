@@ -62,9 +62,13 @@ def interval_text(e: Interval) -> str:
 
 
 def cost_words(cost: Cost, simulators: int | None = None) -> str:
-    """The cost of a search; `simulators` : of how many so many were evaluated, None where that is not known."""
-    of = "distance evaluations" if simulators is None else f"of {count(simulators, 'simulator')} evaluated"
-    return f"cost: {cost.evaluations} {of}, {cost.rollouts} simulations, {cost.seconds:.1f} s"
+    """The cost of a search; `simulators` : among how many it was, None where that is not known.
+
+    A simulator may be evaluated more than once: a search can have several stages.
+    """
+    among = "" if simulators is None else f" among {count(simulators, 'simulator')}"
+    evaluated = count(cost.evaluations, "distance evaluation") + among
+    return f"cost: {evaluated}, {cost.rollouts} simulations, {cost.seconds:.1f} s"
 
 
 def held_out_words(parts: Mapping[str, Sequence[str]]) -> str:

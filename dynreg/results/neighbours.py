@@ -102,7 +102,7 @@ class Neighbours(Result):
     error over the spread of the neighbours. sharpened : whether a search about the answer looked for a better one: an
     answer without it that does not fit leaves open whether another simulator of the family does. Null where nothing was
     replayed, and in older documents. cost : without these simulated robots.
-    simulators : entries of the population; `cost.evaluations` of them were evaluated. Null in older documents.
+    simulators : entries of the population, among which the `cost.evaluations` were made. Null in older documents.
     """
 
     schema_: Literal["dynreg/neighbours/1"] = Field(default="dynreg/neighbours/1", alias="schema")

@@ -186,8 +186,8 @@ class ReportFile(Result):
 class DatasetExport(Result):
     """A dataset that was written for other projects.
 
-    form : its format. episodes, transitions : null where it holds models. models : null where it holds rows.
-    bytes : of all its files, the card included.
+    form : its format. episodes : null where it holds models. transitions : those in which everything was measured; null
+    where it holds models. models : null where it holds rows. bytes : of all its files, the card included.
     """
 
     schema_: Literal["dynreg/dataset_export/1"] = Field(default="dynreg/dataset_export/1", alias="schema")

@@ -84,8 +84,8 @@ def contents(registry: Registry, refs: Sequence[str], licence: str | None = None
     populations = tuple(_simulated(registry, p, entries) for p, entries in by_population.items())
     robots = [registry.population(p).robot_hash for p in by_population]
     robots += [registry.recording_info(r.id).robot_hash for r in recordings]
-    measured = [registry.resolve(told_last(registry, ref), KINDS) for ref in refs]
-    models = tuple(_measured(registry, identity) for kind, identity in measured if kind == "measured")
+    named = sorted({registry.resolve(told_last(registry, ref), KINDS) for ref in refs})
+    models = tuple(_measured(registry, identity) for kind, identity in named if kind == "measured")
     return Export(
         dataset=rows,
         robots=tuple(dict.fromkeys(robots)),

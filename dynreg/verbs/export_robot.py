@@ -22,7 +22,7 @@ def export_simulator(registry: Registry, ref: str, destination: Path) -> RobotFo
     """
     found = named(registry, ref)
     with new_folder(destination) as folder:
-        made = export_robot(found.robot, found.config, folder)
+        made = export_robot(found.robot, found.config, folder, found.id)
     model = destination / made.robot.file.robot.model
     plain = model.with_name(plain_name(made.robot))
     return RobotFolder(

@@ -6,7 +6,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from dynreg.data.recording import Recording
-from dynreg.errors import AmbiguousError, NoMatchError, UsageError
+from dynreg.errors import AmbiguousError, NoMatchError, UsageError, command
 from dynreg.gait.play import require_own
 from dynreg.gait.space import gait_space
 from dynreg.gait.tasks import task_of
@@ -95,9 +95,9 @@ def trial_of(registry: Registry, recording: Recording, ref: str, robot: Robot) -
 
 def _record(registry: Registry, ref: str) -> ResultRecord:
     if ref == "@last":
-        return registry.latest("gait")
+        return _latest(registry, None, ref)
     kind, identity = registry.resolve(ref, ("result", "recording"))
-    record = registry.result(identity) if kind == "result" else registry.latest("gait", identity)
+    record = registry.result(identity) if kind == "result" else _latest(registry, identity, ref)
     if record.kind != "gait":
         own = (record.document.get("on_robot") or {}).get("document")
         raise UsageError(
@@ -108,3 +108,20 @@ def _record(registry: Registry, ref: str) -> ResultRecord:
             else "see `dynreg list --kind result`, or search for one with `dynreg gait`",
         )
     return record
+
+
+def _latest(registry: Registry, recording: str | None, ref: str) -> ResultRecord:
+    """The last gait of all, or about a recording (its id), which is called `ref`."""
+    try:
+        return registry.latest("gait", recording)
+    except NoMatchError:
+        search, about = f"search for one with `{command('gait', ref if recording else 'RECORDING')}`", ""
+        if recording is None:
+            search += ", or name a recording by its name or id to export that"
+        else:
+            about = f" about recording {ref!r}"
+        raise NoMatchError(
+            f"no gait is stored{about}",
+            expected="a stored gait; @last means the last one wherever a gait can be meant",
+            do=search,
+        ) from None

@@ -8,7 +8,7 @@ from dynreg.errors import CorruptError, DynregError
 from dynreg.registry import Registry
 from dynreg.results.stored import CollectedFile, Collection, EntrySummary, Removal
 from dynreg.verbs.list import listing
-from dynreg.verbs.subjects import Recorded, require_fits
+from dynreg.verbs.subjects import lacking
 
 
 def remove(registry: Registry, refs: Sequence[str], dry_run: bool = False) -> Removal:
@@ -51,11 +51,9 @@ def _fits(registry: Registry, recording: str, robot: str) -> bool:
     except CorruptError:
         return True
     try:
-        owner = load_robot(registry.robot_folder(robot))
-        require_fits(Recorded(registry, owner, loaded, recording), owner)
+        return not lacking(loaded, load_robot(registry.robot_folder(robot)))
     except DynregError:
         return False
-    return True
 
 
 def collect(registry: Registry, *, caches: bool = False, dry_run: bool = False) -> Collection:

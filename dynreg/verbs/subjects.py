@@ -183,7 +183,7 @@ def recorded(
     else:
         owner = loaded_robot(robot, registry=registry)
     info = registry.recording_info(identity)
-    asked = Recorded(registry, owner, registry.recording(identity), _called(info, reference, owner.hash))
+    asked = Recorded(registry, owner, registry.recording(identity), called(info, reference, owner.hash))
     if robot is None:
         _tell_newer(asked)
     if owner.hash not in (info.robot_hash, *info.robots):
@@ -211,35 +211,50 @@ def _known_as(registry: Registry, identity: str, robot_hash: str) -> str:
     return registry.recording_info(identity).name_with(robot_hash) if known else identity[:12]
 
 
-def _called(info: RecordingInfo, reference: str | Path | RecordingSummary, robot_hash: str) -> str:
+def called(info: RecordingInfo, reference: str | Path | RecordingSummary, robot_hash: str) -> str:
     """What a recording is called in an answer: as it was asked for, where that is a name of it."""
     word = reference.name if isinstance(reference, RecordingSummary) else str(reference)
     return word if word in info.names else info.name_with(robot_hash)
 
 
-def require_fits(asked: Recorded, robot: "Robot") -> None:
-    """UsageError where a recording lacks channels or settings that a robot needs, or was made for another rate."""
-    spec, recording = robot.recording_spec, asked.recording
+def lacking(recording: "Recording", robot: "Robot") -> list[str]:
+    """What a robot cannot do without and a recording does not have: channels, their units, the rate of its rows.
+
+    No setting is among it: `ingest` takes a log that lacks some, and its nominal value is used.
+    """
+    spec = robot.recording_spec
     units = {channel.name: channel.unit for channel in recording.channels}
     kinds = {"state": "channel", "action": "command", "input": "input", "enable": "input"}
-    lacking = [f"{kinds[c.kind]} {c.name!r}" for c in spec.channels if not c.optional and c.name not in units]
-    told = [set(episode.settings) for episode in recording.episodes]
-    asked_for = [name for name in spec.settings if name not in spec.usual]
-    lacking += [f"setting {name!r}" for name in asked_for if not all(name in names for names in told)]
-    lacking += [
+    out = [f"{kinds[c.kind]} {c.name!r}" for c in spec.channels if not c.optional and c.name not in units]
+    out += [
         f"channel {c.name!r} in {c.unit!r} (it is in {units[c.name]!r})"
         for c in spec.channels
         if units.get(c.name, c.unit) != c.unit
     ]
     rate = recording.rate
     if spec.rate is not None and rate is not None and abs(rate / spec.rate - 1) > _SAME_RATE:
-        lacking.append(f"rows at {spec.rate:g} Hz (it has {rate:.4g} Hz)")
-    if lacking:
+        out.append(f"rows at {spec.rate:g} Hz (it has {rate:.4g} Hz)")
+    return out
+
+
+def require_fits(asked: Recorded, robot: "Robot") -> None:
+    """UsageError where a recording is `lacking` what a robot needs; settings that it does not tell are said."""
+    needed, spec = lacking(asked.recording, robot), robot.recording_spec
+    if needed:
         raise UsageError(
             f"recording {asked.name!r} lacks what robot {robot.name!r} ({robot.hash[:12]}) needs: "
-            + ", ".join(lacking),
+            + ", ".join(needed),
             expected="a recording with all of these",
             do="ingest its log again with this robot, or name another robot",
+        )
+    told = [episode.settings.keys() for episode in asked.recording.episodes]
+    untold = [n for n in spec.settings if n not in spec.usual and not all(n in names for names in told)]
+    if untold:
+        warnings.warn(
+            f"recording {asked.name!r} does not tell {', '.join(untold)} in every episode: the nominal value of robot "
+            f"{robot.name!r} ({robot.hash[:12]}) is used",
+            Assumed,
+            2,
         )
 
 

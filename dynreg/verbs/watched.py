@@ -12,7 +12,7 @@ from dynreg.results.gait import Gait
 from dynreg.verbs.gaits import gait_of, genes_of, trials_of
 from dynreg.verbs.simulator import NOMINAL, RECOMMENDED
 from dynreg.verbs.simulators import own, simulator
-from dynreg.verbs.subjects import Recorded, require_fits, robot_of
+from dynreg.verbs.subjects import Recorded, called, require_fits, robot_of
 from dynreg.verbs.written import require_new, write_new
 from dynreg.watch.frames import SIMULATED, Frames, frames
 
@@ -41,10 +41,11 @@ def watched(registry: Registry, ref: str, beside: str | None = None, *, threads:
         identity = record.recording_id
     robot, recording = robot_of(registry, identity, asked), registry.recording(identity)
     found = simulator(registry, beside or NOMINAL, robot, identity)
-    if found.robot.name == robot.name:  # maybe another version, which a diagnosis was asked with
-        require_fits(Recorded(registry, robot, recording, identity[:12]), found.robot)
-    else:
+    if found.robot.name != robot.name:
         own(found, robot)
+    elif found.robot.hash != robot.hash:  # another version, which a diagnosis was asked with
+        name = called(registry.recording_info(identity), ref, robot.hash)
+        require_fits(Recorded(registry, robot, recording, name), found.robot)
     return frames(found.robot, recording, found.config, threads=threads)
 
 

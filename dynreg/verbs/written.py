@@ -1,13 +1,12 @@
 """Files and folders that a user named for an answer: whole or not there, also where a run is killed."""
 
-import errno
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from dynreg.errors import RegistryError, UsageError
-from dynreg.registry.files import sweep_beside, taken, temporary_folder, write_file
+from dynreg.errors import RegistryError
+from dynreg.registry.files import require_new, sweep_beside, temporary_folder, unwritten, write_file
 
 
 def write_out(path: Path, data: bytes) -> None:
@@ -25,17 +24,9 @@ def write_out(path: Path, data: bytes) -> None:
             sweep_beside(target)
             write_file(target, data)
     except OSError as error:
-        raise _unwritten(path, _why(error)) from error
+        raise unwritten(path, _why(error)) from error
     except RegistryError as error:
-        raise _unwritten(path, error.problem.rpartition(": ")[2]) from error
-
-
-def require_new(path: Path) -> None:
-    """UsageError for a name that is taken, or whose folder is not there."""
-    if os.path.lexists(path):
-        raise taken(path)
-    if not path.absolute().parent.is_dir():
-        raise _unwritten(path, os.strerror(errno.ENOENT), new=True)
+        raise unwritten(path, _told(error)) from error
 
 
 def write_new(path: Path, data: bytes) -> None:
@@ -52,12 +43,11 @@ def new_folder(path: Path) -> Iterator[Path]:
     """
     require_new(path)
     try:
-        sweep_beside(path.absolute())
-        with temporary_folder(path.absolute()) as hidden:
+        with _hidden(path) as hidden:
             yield hidden / "made"
             os.rename(hidden / "made", path)
     except OSError as error:
-        raise _unwritten(path, _why(error), new=True) from error
+        raise unwritten(path, _why(error), new=True) from error
 
 
 @contextmanager
@@ -70,8 +60,7 @@ def new_file_of(path: Path) -> Iterator[Path]:
     require_new(path)
     moved: list[Path] = []
     try:
-        sweep_beside(path.absolute())
-        with temporary_folder(path.absolute()) as hidden:
+        with _hidden(path) as hidden:
             yield hidden
             for file in sorted(hidden.iterdir(), key=lambda file: (file.name == path.name, file.name)):
                 target = path.with_name(file.name)
@@ -83,19 +72,27 @@ def new_file_of(path: Path) -> Iterator[Path]:
         for target in moved:
             target.unlink(missing_ok=True)
         if isinstance(error, OSError):
-            raise _unwritten(path, _why(error), new=True) from error
+            raise unwritten(path, _why(error), new=True) from error
         raise
+
+
+@contextmanager
+def _hidden(path: Path) -> Iterator[Path]:
+    """A folder under a hidden name beside `path`, which goes with the block; UsageError where it cannot be made."""
+    with ExitStack() as held:
+        try:
+            sweep_beside(path.absolute())
+            hidden = held.enter_context(temporary_folder(path.absolute()))
+        except RegistryError as error:
+            raise unwritten(path, _told(error), new=True) from error
+        yield hidden
+
+
+def _told(error: RegistryError) -> str:
+    """What the system said of a place, without the place: an error of the registry ends with it."""
+    return error.problem.rpartition(": ")[2]
 
 
 def _why(error: OSError) -> str:
     """What the system says; Arrow tells its own words around that."""
     return str(error) if error.errno is None else os.strerror(error.errno)
-
-
-def _unwritten(path: Path, why: str, new: bool = False) -> UsageError:
-    name = "a name that is not taken," if new else "a name"
-    return UsageError(
-        f"cannot write {str(path)!r}: {why}",
-        expected=f"{name} in an existing folder that may be written, with room left",
-        do="name another one",
-    )

@@ -10,8 +10,9 @@ from dynreg.watch.frames import Frames
 def log(frames: Frames) -> bytes:
     """The bytes of an MCAP file of JSON messages; the same frames give the same bytes.
 
-    Topics: /measured/joint_states, /simulated/joint_states, with a free base /measured/pose and /simulated/pose; for
-    each channel /channels/NAME with its measured and simulated value and the residual.
+    Topics: of a robot with joints /measured/joint_states and /simulated/joint_states; of one that moves about
+    /measured/pose and /simulated/pose; for each channel /channels/NAME with its measured and simulated value and the
+    residual.
     """
     parts = [topic for side, poses in frames.poses.items() for topic in _moved(frames, side, poses)]
     residuals = frames.residuals()

@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dynreg.data.clocks import begins
 from dynreg.data.names import parts_of
 from dynreg.data.recording import Recording
 from dynreg.replay.cut import windows
 from dynreg.replay.rows import Rows, rows_of
+from dynreg.sim.base import base_joint
 from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.engines import rollout
 from dynreg.sim.layout import BASE
@@ -20,7 +22,8 @@ if TYPE_CHECKING:
     import mujoco
 
 MEASURED, SIMULATED = "measured", "simulated"
-REST = 1.0  # s that a rest between two episodes is shown at most: logs may lie hours apart
+# s that a rest between two episodes is shown at most, as logs may lie hours apart; also where it is not known
+REST = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,8 +31,9 @@ class Frames:
     """Frames to view: a model, and its joints at times (T,) [s] from the beginning; long rests are cut.
 
     base : number of the free joint of the robot's base; -1 where it is held.
-    poses : {"measured" or "simulated": (T, nq)}; joints that were not measured stay where the model has them.
-    channels : {name: {"measured" or "simulated": (T,)}}, in `units`; NaN where not measured.
+    poses : {"measured" or "simulated": (T, nq)}; joints that were not measured stay where the model has them. Rows of
+    "simulated" are NaN where nothing was simulated.
+    channels : {name: {"measured" or "simulated": (T,)}}, in `units`; NaN where not measured or not simulated.
     """
 
     model: "mujoco.MjModel"
@@ -40,7 +44,7 @@ class Frames:
     units: Mapping[str, str]
 
     def residuals(self) -> dict[str, np.ndarray]:
-        """{channel: (T,) simulated less measured}, where both are there; NaN where not measured."""
+        """{channel: (T,) simulated less measured}, where both are there; NaN where one of them is."""
         both = {n: c for n, c in self.channels.items() if len(c) == 2}
         return {name: c[SIMULATED] - c[MEASURED] for name, c in both.items()}
 
@@ -49,40 +53,57 @@ def frames(robot: Robot, recording: Recording, config: SimConfig, *, threads: in
     """A recording beside a simulator that is given its commands.
 
     The simulator begins anew from the measured state where a window of the replay begins, as it does when errors are
-    judged. Raises LogError where the recording lacks the robot's commands.
+    judged, and in what is left at the end of an episode. Where no window can begin there is the measured robot alone.
+    Raises LogError where the recording lacks the robot's commands.
     """
-    cut, rows = windows(robot, recording), rows_of(robot, recording)
-    values = robot.space.from_dict(dict(config.values))[None]
-    states = rollout(robot, values, cut.run, threads=threads, terms=terms_of(config, robot)).states[0, :]
-    parts, begin = [], _begins(rows)
-    for w, (n, (first, stop)) in enumerate(zip(cut.episode.tolist(), cut.rows.tolist(), strict=True)):
-        times = rows.time[n][first:stop] - rows.time[n][0] + begin[n]
-        parts.append((times, cut.measured[w, : stop - first], states[w, : stop - first]))
-    # windows share a row: it is the last of the one before
-    kept = [np.concatenate(each) for each in zip(*parts, strict=True)]
-    fresh = np.diff(np.maximum.accumulate(kept[0]), prepend=-1.0) > 0
-    times, measured, simulated = (each[fresh] for each in kept)
+    rows = rows_of(robot, recording)
+    begin = _begins(rows)
+    times = np.concatenate([time - time[0] + begin[n] for n, time in enumerate(rows.time)])
+    measured = np.concatenate(rows.states)
+    simulated = np.concatenate(_simulated(robot, recording, config, rows, threads))
     found = {MEASURED: measured, SIMULATED: simulated}
+    moved = {side: poses(robot, values) for side, values in found.items()}
+    moved[SIMULATED][np.isnan(simulated).all(axis=1)] = np.nan
     return Frames(
         robot.model,
-        robot.base,
+        base_of(robot),
         times,
-        {side: poses(robot, values) for side, values in found.items()},
+        moved,
         {name: {side: v[:, i] for side, v in found.items()} for i, name in enumerate(robot.channels)},
         {c.name: c.unit for c in robot.file.channels},
     )
 
 
+def _simulated(
+    robot: Robot, recording: Recording, config: SimConfig, rows: Rows, threads: int
+) -> list[np.ndarray]:
+    """States (T, S) of each episode, NaN where no window is."""
+    cut = windows(robot, recording, rest=True)
+    values = robot.space.from_dict(dict(config.values))[None]
+    states = rollout(robot, values, cut.run, threads=threads, terms=terms_of(config, robot)).states[0, :]
+    out = [np.full_like(measured, np.nan) for measured in rows.states]
+    # Windows share a row, which is the last of the one before: that one is written last.
+    for n, (first, stop), window in reversed([*zip(cut.episode, cut.rows, states, strict=True)]):
+        out[n][first:stop] = window[: stop - first]
+    return out
+
+
 def _begins(rows: Rows) -> np.ndarray:
-    """(E,) seconds from the first frame to that of each episode, with at most `REST` of each rest between two."""
-    lengths = np.array([time[-1] - time[0] for time in rows.time])
-    rests = np.diff(rows.begin) - lengths[:-1]
-    return rows.begin - np.concatenate([[0.0], np.cumsum(np.maximum(rests - REST, 0.0))])
+    """(E,) seconds from the first frame to that of each episode, with at most `REST` between two."""
+    first, last = (np.array([time[at] for time in rows.time]) for at in (0, -1))
+    lengths = (last - first)[:-1]
+    rests = np.clip(np.diff(begins(first, last, REST)) - lengths, 0.0, REST)
+    return np.cumsum([0.0, *(lengths + rests)])
+
+
+def base_of(robot: Robot) -> int:
+    """Number of the free joint that shows how a robot moves about, also one whose engines move a planar base."""
+    return base_joint(robot.model, robot.driven)
 
 
 def still(robot: Robot) -> Frames:
     """A robot as its episodes begin: one pose."""
-    return Frames(robot.model, robot.base, np.zeros(1), {SIMULATED: _begin(robot)[None]}, {}, {})
+    return Frames(robot.model, base_of(robot), np.zeros(1), {SIMULATED: _begin(robot)[None]}, {}, {})
 
 
 def poses(robot: Robot, states: np.ndarray) -> np.ndarray:

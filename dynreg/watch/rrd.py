@@ -51,7 +51,7 @@ def _log_shapes(rr: Any, stream: Any, model: mujoco.MjModel, side: str) -> None:
     for geom in range(model.ngeom):
         shape = _shape(rr, model, geom, COLOURS[side])
         if shape is not None:
-            path = f"{side}/{_body(model, int(model.geom_bodyid[geom]))}/geom_{geom}"
+            path = f"{_body(rr, model, side, int(model.geom_bodyid[geom]))}/geom_{geom}"
             w, x, y, z = model.geom_quat[geom]
             at = rr.Transform3D(translation=model.geom_pos[geom], quaternion=[x, y, z, w])
             stream.log(path, at, static=True)
@@ -85,11 +85,12 @@ def _shape(rr: Any, model: mujoco.MjModel, geom: int, colour: list[int]) -> Any:
 
 
 def _log_motion(rr: Any, stream: Any, frames: Frames, side: str, poses: np.ndarray) -> None:
-    where, turned = body_poses(frames.model, poses)
+    known = np.isfinite(poses).all(axis=1)
+    where, turned = body_poses(frames.model, poses[known])
     for body in range(1, frames.model.nbody):
         stream.send_columns(
-            f"{side}/{_body(frames.model, body)}",
-            indexes=[rr.TimeColumn(TIMELINE, duration=frames.times)],
+            _body(rr, frames.model, side, body),
+            indexes=[rr.TimeColumn(TIMELINE, duration=frames.times[known])],
             columns=rr.Transform3D.columns(
                 translation=where[:, body], quaternion=np.roll(turned[:, body], -1, axis=1)
             ),
@@ -117,5 +118,6 @@ def _log_scalars(rr: Any, stream: Any, path: str, times: np.ndarray, values: np.
         )
 
 
-def _body(model: mujoco.MjModel, body: int) -> str:
-    return model.body(body).name or f"body_{body}"
+def _body(rr: Any, model: mujoco.MjModel, side: str, body: int) -> str:
+    """The path of a body. A "/" in its name is no step of it: all bodies are placed in the world."""
+    return f"{side}/{rr.escape_entity_path_part(model.body(body).name or f'body_{body}')}"

@@ -83,8 +83,10 @@ def _play(frames: Frames, data: mujoco.MjData, window: Any, seconds: float | Non
 
 
 def place(frames: Frames, side: str, row: int, data: mujoco.MjData) -> None:
-    """Move the bodies of `data` to where they are in a frame."""
-    data.qpos[:] = frames.poses[side][row]
+    """Move the bodies of `data` to where they are in a frame; they stay where they were if it has none of them."""
+    pose = frames.poses[side][row]
+    if np.isfinite(pose).all():
+        data.qpos[:] = pose
     mujoco.mj_forward(frames.model, data)
 
 

@@ -49,6 +49,9 @@ def test_a_simulator_becomes_a_robot_that_can_be_used(stored, dynreg, tmp_path: 
     assert max(map(len, ended.out.splitlines())) <= 100
     made = load_robot(tmp_path / "taken")
     assert made.space.as_dict(made.space.nominal)["tip_mass"] == 0.51
+    told = (tmp_path / "taken" / "README.md").read_text(encoding="utf-8").splitlines()[0]
+    assert told == f"# servo_pendulum, simulator {identity[:12]}" and made.name.endswith(f"_{identity[:8]}")
+    assert dynreg("show", made.name.rpartition("_")[2], "--registry", registry).status == 0
     assert dynreg("robots", "check", "taken").status == 0
 
 

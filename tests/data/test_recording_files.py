@@ -101,6 +101,16 @@ def test_mcap_with_its_map(recording: Recording, spec: RecordingSpec, tmp_path: 
     same(recording, read_recording(tmp_path / "r.mcap", spec, map_for(recording)), atol=1e-6)
 
 
+def test_names_that_would_meet_in_an_mcap_file_stay_apart(tmp_path: Path):
+    names = ("arm", "arm/value", "episode", "settings/kp", "episode_/value")
+    spec = RecordingSpec("arm", tuple(ChannelSpec(name, "rad", "state") for name in names), ("kp",), 100.0)
+    values = np.random.default_rng(9).normal(size=(50, len(names)))
+    episodes = tuple(Episode(str(i), np.arange(50) / 100, values + i, {"kp": 100.0 + i}) for i in range(2))
+    odd = Recording(tuple(Channel(name, "rad") for name in names), episodes)
+    write_mcap(odd, tmp_path / "r.mcap")
+    same(odd, read_recording(tmp_path / "r.mcap", spec, map_for(odd)), atol=1e-6)
+
+
 def test_units_are_in_the_fields(recording: Recording):
     assert to_table(recording).schema.field("supply").metadata == {b"role": b"channel", b"unit": b"V"}
 

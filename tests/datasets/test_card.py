@@ -1,11 +1,17 @@
 """What a card says of the numbers in a dataset, and that its code runs as it stands there."""
 
+import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
+import tiny_registry
+
+from dynreg.report.stored import tables
 
 
 def card_of(place: Path) -> str:
@@ -41,6 +47,7 @@ def test_a_csv_has_the_parameters_of_its_entries_beside_it(exported, tmp_path: P
     exported.opened.export_dataset("bench", tmp_path / "bench.csv", "csv")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["bench.csv", "bench.csv.md"]
     assert "entries.csv" not in card_of(tmp_path / "bench.csv")
+    assert "of a file whose name ends in .csv" in card_of(tmp_path / "bench.csv")
 
 
 def test_the_code_of_a_csv_card_counts_each_episode_of_each_entry(exported, tmp_path: Path) -> None:
@@ -68,6 +75,62 @@ def test_a_card_lists_the_columns_that_there_are(exported, tmp_path: Path) -> No
     assert columns(exported.folder / "parquet") == list(pd.read_parquet(exported.folder / "parquet" / "data"))
     exported.opened.export_dataset("bench", tmp_path / "bench.csv", "csv")
     assert columns(tmp_path / "bench.csv")[:3] == ["episode", "time", "arm/position"]
+
+
+@pytest.mark.parametrize("form", ["csv", "mcap"])
+def test_a_card_of_a_log_lists_what_its_log_has(form: str, exported, tmp_path: Path) -> None:
+    columns = [name for name in tiny_registry.COLUMNS if name not in ("kp", "supply")]
+    kept = [tiny_registry.COLUMNS.index(name) for name in columns]
+    text = tiny_registry.bench_csv(lambda _, row: [row[i] for i in kept], columns)
+    (tmp_path / "little.csv").write_text(text)
+    exported.opened.ingest(tmp_path / "little.csv", "servo_pendulum", name="little")
+    exported.opened.export_dataset("little", tmp_path / f"log.{form}", form)
+    lines = card_of(tmp_path / f"log.{form}").partition("| column |")[2].partition("\n\n")[0].splitlines()[2:]
+    keys = ["episode", "time"] if form == "csv" else ["time"]
+    assert [line.split(" | ")[0].removeprefix("| ") for line in lines] == [
+        *keys,
+        "arm/position",
+        "arm/velocity",
+        "arm/target",
+    ]
+    assert "| arm/target | rad | action |" in lines
+    said = card_of(tmp_path / f"log.{form}")
+    assert "the columns of its log and no others" in said and "nominal value stands" not in said
+    if form == "csv":
+        assert list(pd.read_csv(tmp_path / "log.csv")) == [
+            *keys,
+            "arm/position",
+            "arm/velocity",
+            "arm/target",
+        ]
+
+
+@pytest.mark.parametrize(
+    "form, says",
+    [
+        ("parquet", "What was not measured is NaN, or null."),
+        ("csv", "What was not measured is nan, or empty."),
+        ("mcap", "What was not measured is left out of its message."),
+        ("lerobot", "What was not measured is NaN."),
+        ("minari", "What was not measured is NaN; total_steps counts the steps with NaN, too."),
+    ],
+)
+def test_a_card_says_how_what_was_not_measured_stands_and_what_is_counted(form, says, exported, tmp_path):
+    opened, whole = exported.opened, exported.opened.recording("bench")
+    values = [e.values.copy() for e in whole.episodes]
+    values[1][50, 0] = np.nan
+    episodes = tuple(replace(e, values=v) for e, v in zip(whole.episodes, values, strict=True))
+    opened.ingest(replace(whole, episodes=episodes), "servo_pendulum", name="gap")
+    told = opened.export_dataset("gap", tmp_path / f"gap.{form}", form)
+    card = card_of(tmp_path / f"gap.{form}")
+    assert f"- {says}" in card and "| transitions | 993 |" in card
+    assert "A transition is counted where everything in it was measured" in card
+    assert "993 complete transitions" in str(tables(told))
+    if form == "csv":
+        assert pd.read_csv(tmp_path / "gap.csv")["arm/position"].isna().sum() == 1
+    if form == "minari":
+        about = json.loads((tmp_path / "gap.minari" / "data" / "metadata.json").read_text())
+        assert about["total_steps"] == 5 * 199
 
 
 @pytest.mark.parametrize("form", ["parquet", "csv", "lerobot"])

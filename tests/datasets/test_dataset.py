@@ -11,6 +11,8 @@ import pytest
 import tiny_registry
 
 import dynreg
+from dynreg.data.recording import Channel
+from dynreg.data.trajectories import Columns, Trajectories
 from dynreg.errors import NoMatchError, UsageError
 
 torch = pytest.importorskip("torch")
@@ -254,3 +256,20 @@ def test_a_dataset_counts_entries_and_recordings_apart(exported) -> None:
     assert "servo_pendulum: 1 recording, 995" in repr(exported.opened.dataset("bench"))
     one = exported.opened.registry.load(exported.population, ()).ids[2]
     assert "servo_pendulum: 1 entry, 2000" in repr(exported.opened.dataset(one))
+
+
+@pytest.mark.parametrize("rows, kind", [(32_768, "int16"), (32_769, "int32")])
+def test_the_rows_of_a_long_episode_are_numbered_to_its_end(rows: int, kind: str) -> None:
+    one = Trajectories(
+        Columns((Channel("arm/position", "rad"),)),
+        entries=("a",),
+        numbers=None,
+        episodes=np.arange(1),
+        time=None,
+        states=np.zeros((1, 1, rows, 1), np.float32),
+        actions=np.zeros((1, rows, 0), np.float32),
+        inputs=np.zeros((1, rows, 0), np.float32),
+        settings=np.zeros((1, 0), np.float32),
+    )
+    steps = one.table()["step"]
+    assert str(steps.type) == kind and np.array_equal(steps.to_numpy(), np.arange(rows))

@@ -188,7 +188,7 @@ def test_the_command_prints_what_it_wrote(exported, tmp_path: Path, capsys) -> N
     told = DatasetExport.model_validate_json(capsys.readouterr().out)
     assert told.form == "parquet" and told.robot == "servo_pendulum" and told.transitions == 995
     assert main([*line, "--to", str(tmp_path / "two")]) == 0
-    assert "1 recording of servo_pendulum as parquet, 5 episodes, 995 transitions" in " ".join(
+    assert "1 recording of servo_pendulum as parquet, 5 episodes, 995 complete transitions" in " ".join(
         capsys.readouterr().out.split()
     )
     assert main([*line, "--to", str(tmp_path / "two")]) == 2

@@ -11,6 +11,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+import tiny_registry
 from mcap.reader import make_reader
 from safetensors import safe_open
 
@@ -242,8 +243,37 @@ def test_the_model_of_a_recording_is_exported_beside_those_of_simulators(exporte
         about = json.loads(file.metadata()["dynreg"])
         weights = file.get_tensor("weight0")
     assert about["entries"] == [entry, own.id] and about["numbers"] == [3, None]
+    table = pq.read_table(tmp_path / "models" / "entries.parquet").to_pylist()
+    assert [(row["id"], row["kind"], row["number"]) for row in table] == [
+        (entry, "simulated", 3),
+        (own.id, "measured", None),
+    ]
+    assert table[1]["population"] == exported.population
+    assert table[1]["own_loss"] == reg.registry.measured(own.id).own_loss
     models = reg.model([entry, own.id])
     np.testing.assert_array_equal(weights.astype(np.float32), models.stack.weights[0])
     with pytest.raises(UsageError, match="simulated or measured"):
         reg.export_dataset(["bench"], tmp_path / "nothing", "safetensors")
     assert not (tmp_path / "nothing").exists()
+
+
+def test_models_of_recordings_come_once_in_the_order_of_their_table(exported, tmp_path: Path) -> None:
+    reg = exported.opened
+    (tmp_path / "other.csv").write_text(
+        tiny_registry.bench_csv(lambda i, row: [row[0], row[1] / 2, *row[2:]])
+    )
+    reg.ingest(tmp_path / "other.csv", "servo_pendulum", name="other")
+    for name in ("bench", "other"):
+        reg.query(name, replay=False, synthesise=False)
+    names = {reg.recording(name).id for name in ("bench", "other")}
+    own = [i.id for i in reg.list("measured").items if reg.show(i.id).detail["recording"] in names]
+    for place, refs in (("once", own), ("twice", [own[1], own[0], own[1]])):
+        assert reg.export_dataset(refs, tmp_path / place, "safetensors").models == 2
+        table = pq.read_table(tmp_path / place / "entries.parquet").to_pylist()
+        with safe_open(tmp_path / place / "models.safetensors", framework="numpy") as file:
+            assert json.loads(file.metadata()["dynreg"])["entries"] == [row["id"] for row in table]
+            for i, row in enumerate(table):
+                weights = reg.registry.measured(row["id"]).weights
+                assert np.array_equal(file.get_tensor("weight0")[i], weights["weight0"])
+    once, twice = ((tmp_path / place / "models.safetensors").read_bytes() for place in ("once", "twice"))
+    assert once == twice

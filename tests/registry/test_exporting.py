@@ -114,3 +114,11 @@ def test_what_a_killed_export_left_is_swept_by_the_next(registry, out):
     shutil.rmtree(out)
     export(registry, ["first run"], out)
     assert not left.exists() and verify(out).faults == ()
+
+
+def test_a_registry_goes_into_a_folder_that_is_there(registry, tmp_path):
+    with pytest.raises(
+        UsageError, match="cannot write .*sub': No such file or directory; .* in an existing folder"
+    ):
+        export(registry, ["bench"], tmp_path / "nowhere" / "sub")
+    assert not (tmp_path / "nowhere").exists()

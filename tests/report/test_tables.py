@@ -110,3 +110,11 @@ def test_next_steps_follow_the_result() -> None:
     alarmed = next_steps(made_up_results.neighbours(fits=False))
     assert any("dynreg doctor" in step for step in alarmed) and not any("export" in s for s in alarmed)
     assert any("--hold-out" in step for step in next_steps(made_up_results.neighbours(held_out=False)))
+
+
+def test_the_cost_counts_evaluations_not_simulators() -> None:
+    found = made_up_results.neighbours()
+    two_stages = found.model_copy(
+        update={"simulators": 8, "cost": found.cost.model_copy(update={"evaluations": 16})}
+    )
+    assert "cost: 16 distance evaluations among 8 simulators, " in text_of(two_stages)

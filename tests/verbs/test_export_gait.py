@@ -1,6 +1,7 @@
 """A run of a gait as a log for Foxglove, simulated beside measured, read back."""
 
 import json
+import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from dynreg import session
 from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.errors import LogError, UsageError
+from dynreg.errors import LogError, NoMatchError, UsageError
 from dynreg.gait.play import commands
 from dynreg.results import Gait
 from dynreg.session import Session
@@ -172,3 +173,20 @@ def test_episodes_follow_each_other(played: Played, brief, tmp_path: Path) -> No
     assert len(rows) == 2 * len(episode.time)
     assert rows[len(episode.time)][0] == pytest.approx(100.0)
     assert np.array_equal(*np.split(places(rows), 2))  # each from the same start
+
+
+@pytest.mark.parametrize("form", ["csv", "mcap", "foxglove", "python"])
+def test_without_a_gait_an_export_of_the_last_one_says_what_to_do(
+    form: str, registry_folder, tmp_path
+) -> None:
+    shutil.copytree(registry_folder, tmp_path / "registry")
+    with session.open(tmp_path / "registry") as opened:
+        with pytest.raises(
+            NoMatchError, match="no gait is stored; .*`dynreg gait RECORDING`, or name a recording"
+        ):
+            opened.export_gait("@last", tmp_path / "out", form)
+        with pytest.raises(
+            NoMatchError, match="no gait is stored about recording 'bench'.*`dynreg gait bench`"
+        ):
+            opened.export_gait("bench", tmp_path / "out", "python")
+    assert not (tmp_path / "out").exists()

@@ -14,6 +14,7 @@ from dynreg.cli.main import main
 from dynreg.errors import Assumed, NoMatchError, RegistryError, UsageError
 from dynreg.registry import verify
 from dynreg.session import Session
+from dynreg.sim.config import SimConfig
 from dynreg.sim.robot import load_robot
 
 QUICK = {"budget": 7, "synthesise": False}
@@ -154,3 +155,43 @@ def test_what_was_asked_wrongly_exits_2(reg: Session, log: Path, arguments: list
     given = [a.format(log=log, folder=reg.path) for a in arguments]
     assert main([*given, "--registry", str(reg.path)]) == 2
     assert capsys.readouterr().err.startswith("error: ")
+
+
+@pytest.fixture
+def no_gain(tmp_path: Path) -> Path:
+    """A log that does not tell the gain: `ingest` takes it, and the nominal one is used."""
+    columns = [name for name in tiny_registry.COLUMNS if name != "kp"]
+    kept = [i for i, name in enumerate(tiny_registry.COLUMNS) if name != "kp"]
+    text = tiny_registry.bench_csv(lambda _, row: [row[i] for i in kept], columns)
+    (tmp_path / "no_gain.csv").write_text(text)
+    return tmp_path / "no_gain.csv"
+
+
+def test_a_recording_without_a_setting_outlives_a_version_of_its_robot(
+    reg: Session, no_gain: Path, heavier: Path, slower: Path
+):
+    made = reg.ingest(no_gain, "servo_pendulum", name="no gain")
+    assert any("setting 'kp' is not known" in one for one in made.findings)
+    with pytest.warns(
+        Assumed, match="'no gain' does not tell kp in every episode: the nominal value of robot"
+    ):
+        reg.query("no gain", robot=heavier, population=reg.registry.populations()[0].id, **QUICK)
+    for folder in (heavier, slower):
+        reg.registry.put_robot(folder, load_robot(folder).hash, "servo_pendulum")
+    gone = reg.remove([load_robot("servo_pendulum").hash])
+    assert made.recording not in [item.id for item in gone.items]
+    assert "version 2" in " ".join(gone.moved), "version 3 has another rate"
+
+
+def test_a_recording_without_a_setting_is_shown_beside_a_simulator(reg: Session, no_gain: Path, slower: Path):
+    reg.ingest(no_gain, "servo_pendulum", name="no gain")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", Assumed)
+        assert len(reg.frames("no gain").times) > 900
+    other = load_robot(slower)
+    reg.registry.put_robot(other.files, other.hash, other.name)
+    simulator = reg.registry.put_simulator(SimConfig.of(other, other.space.nominal).as_dict())
+    with pytest.raises(
+        UsageError, match=r"recording 'no gain' lacks what .*: rows at 50 Hz \(it has 100 Hz\)"
+    ):
+        reg.frames("no gain", simulator)

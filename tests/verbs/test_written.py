@@ -15,7 +15,7 @@ import dynreg
 from dynreg.errors import UsageError
 from dynreg.sim.config import SimConfig
 from dynreg.sim.robot import load_robot
-from dynreg.verbs.written import new_folder, write_new, write_out
+from dynreg.verbs.written import new_file_of, new_folder, write_new, write_out
 
 HOME = Path(dynreg.__file__).parent
 KILLED = """
@@ -106,6 +106,20 @@ def test_a_name_that_cannot_be_new_is_one_line(name: str, tmp_path: Path) -> Non
     with pytest.raises(UsageError, match=why), new_folder(tmp_path / name):
         pass
     assert left(tmp_path) == before
+
+
+@pytest.mark.parametrize("made", [new_folder, new_file_of])
+def test_a_folder_that_may_not_be_written_is_what_a_user_named_wrongly(
+    made, tmp_path: Path, monkeypatch
+) -> None:
+    def refused(*names: object, **options: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("pathlib.Path.mkdir", refused)  # root may write everywhere
+    with pytest.raises(UsageError, match="cannot write .*out': Permission denied; .*; name another one"):
+        with made(tmp_path / "out"):
+            pass
+    assert left(tmp_path) == []
 
 
 def test_a_link_is_followed_and_a_pipe_is_written_to(tmp_path: Path) -> None:

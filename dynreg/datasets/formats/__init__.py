@@ -1,8 +1,9 @@
 """The formats of other projects in which a dataset is written: one row and one module each.
 
 A module has `write(export, folder, name)`, which puts its files into an empty folder, the main one of a single file
-under `name`; `is_file(export)` where that may be one file; and `check(export)` where it cannot take everything. It
-writes part by part, and the same export gives the same bytes.
+under `name`; `is_file(export)` where that may be one file; `as_logs(export)` where a recording may keep the columns of
+its log; and `check(export)` where it cannot take everything. It writes part by part, and the same export gives the same
+bytes.
 """
 
 from dataclasses import dataclass
@@ -48,6 +49,11 @@ class Format:
     def is_file(self, export: "Export") -> bool:
         """Whether it is one file and not a folder."""
         told = getattr(self._module, "is_file", None)
+        return told is not None and told(export)
+
+    def as_logs(self, export: "Export") -> bool:
+        """Whether a recording is written with the columns of its log, and not with those of the dataset."""
+        told = getattr(self._module, "as_logs", None)
         return told is not None and told(export)
 
     def check(self, export: "Export") -> None:
@@ -106,7 +112,9 @@ print(rows.groupby(["entry", "episode"]).size())
                 _NEXT,
                 f"{_LAST} the command in that row is empty.",
                 _LOGGED,
+                "What was not measured is nan, or empty.",
                 "Numbers have as many digits as they need to be read back exactly.",
+                "`dynreg ingest` reads the log of a recording alone, of a file whose name ends in .csv.",
             ),
             alone="""\
 import pandas as pd
@@ -136,6 +144,7 @@ for file in sorted(place.glob("*.mcap")) if place.is_dir() else [place]:
             (
                 "Messages are JSON.",
                 "The column arm/position is the field position of the topic /arm.",
+                "What was not measured is left out of its message.",
                 "Episodes follow each other with a pause of 1 s; /episode tells where each begins.",
                 "`dynreg ingest FILE --map MAP` reads it back.",
                 "Episodes come back named by their number, so a recording that is ingested again has another id.",
@@ -158,6 +167,7 @@ print(dataset[0]["observation.state"], dataset[0]["action"])
                 "observation.environment_state holds inputs and settings.",
                 f"{_LAST} that frame repeats the command before it.",
                 _LOGGED,
+                "What was not measured is NaN.",
             ),
             entries="meta/entries.parquet",
         ),
@@ -174,6 +184,7 @@ print(episode.observations.shape, episode.actions.shape)
 """,
             (
                 "There is no task: all rewards are 0.",
+                "What was not measured is NaN; total_steps counts the steps with NaN, too.",
                 "No episode is terminated, even if a robot fell in it; each is truncated at its end.",
                 "infos holds the times, the inputs and the settings.",
                 "An episode's metadata.json tells its entry.",

@@ -15,12 +15,17 @@ def is_file(export: Export) -> bool:
     return True
 
 
+def as_logs(export: Export) -> bool:
+    """Where it is one recording and nothing else."""
+    return export.is_log
+
+
 def write(export: Export, folder: Path, name: str) -> None:
     """The columns of `Dataset.to_arrow`; a recording alone has those of its log, which `dynreg ingest` reads.
 
     `NAME.entries.csv` has `Export.table` where there are simulated entries.
     """
-    if export.is_log:
+    if as_logs(export):
         (folder / name).write_bytes(to_csv(export.recordings[0].read()))
         return
     rows = export.dataset.to_arrow()

@@ -20,7 +20,7 @@ _NAMES = {"float16": "F16", "float32": "F32"}  # of a number, in the file's head
 def check(export: Export) -> None:
     """UsageError for recordings without a model, and for entries of several populations, which take other rows."""
     populations = {one.population for one in (*export.populations, *export.measured)}
-    bare = len(export.recordings) != len(export.measured)
+    bare = len(export.recordings) > len(export.measured)
     if bare or len(populations) != 1:
         raise UsageError(
             "recordings as safetensors" if bare else f"models of {len(populations)} populations",
@@ -33,10 +33,10 @@ def write(export: Export, folder: Path, name: str) -> None:
     """`models.safetensors`: normaliser and weights stacked over the entries, as they are kept.
 
     Its metadata tells, as JSON under `dynreg`, the ids and numbers of the entries, the columns with their units and the
-    nominal context. `entries.parquet` tells their parameters.
+    nominal context. `entries.parquet` is `Export.models_table`: the same entries in the same order.
     """
     layers = next(_weights(export))
-    count, scale = len(_entries(export)), export.dataset.normaliser.as_arrays()
+    count, scale = export.models, export.dataset.normaliser.as_arrays()
     shapes = {key: (str(a.dtype), a.shape) for key, a in scale.items()}
     shapes |= {key: (str(a.dtype), (count, *a.shape[1:])) for key, a in sorted(layers.items())}
     # The library's writer wants all weights in memory; this one puts each shard's in their place.
@@ -51,12 +51,7 @@ def write(export: Export, folder: Path, name: str) -> None:
                 file.seek(begins[key] + done * array[0].nbytes)
                 file.write(np.ascontiguousarray(array).data)
             done += len(array)
-    pq.write_table(export.table(), folder / "entries.parquet", compression="zstd")
-
-
-def _entries(export: Export) -> list[str]:
-    simulated = [identity for one in export.populations for identity in one.entries]
-    return [*simulated, *(one.id for one in export.measured)]
+    pq.write_table(export.models_table(), folder / "entries.parquet", compression="zstd")
 
 
 def _weights(export: Export) -> Iterator[Mapping[str, np.ndarray]]:
@@ -69,7 +64,7 @@ def _weights(export: Export) -> Iterator[Mapping[str, np.ndarray]]:
 
 def _about(export: Export, layers: int) -> dict[str, Any]:
     told = (*export.populations, *export.measured)[0]
-    numbers = [number for one in export.populations for number in one.numbers.tolist()]
+    entries = export.models_table()
 
     def named(columns: tuple[Channel, ...]) -> list[list[str]]:
         return [[c.name, c.unit] for c in columns]
@@ -77,8 +72,8 @@ def _about(export: Export, layers: int) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
         **export.about,
-        "entries": _entries(export),
-        "numbers": [*numbers, *(None for _ in export.measured)],
+        "entries": entries["id"].to_pylist(),
+        "numbers": entries["number"].to_pylist(),
         "layers": layers,
         "states": named(told.columns.states),
         "actions": named(told.columns.actions),
