@@ -4,10 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.data.recording import Channel, Episode, Recording
+from dynreg.data.recording import Recording
 from dynreg.errors import RobotError, UsageError
-from dynreg.excite.candidates import Limits, Pool
-from dynreg.excite.choose import PAUSE, SAME, Search
+from dynreg.excite.candidates import Pool
+from dynreg.excite.choose import SAME, Search
+from dynreg.excite.limits import Limits
+from dynreg.excite.playing import played
 from dynreg.excite.separate import Pair
 from dynreg.progress import Progress
 from dynreg.sim.effects import Term, one_group, term
@@ -40,27 +42,10 @@ class Chosen:
 
     @property
     def recording(self) -> Recording:
-        """The commands as a log without states, and the enable channels where drives are switched off."""
-        robot, pool, run = self.pair.robot, self.pool, self.pool.run
-        enables = [
-            i for i in range(len(robot.file.inputs), len(robot.inputs)) if (run.inputs[..., i] != 1.0).any()
-        ]
-        channels = [Channel(a.name, a.unit) for a in robot.file.actions]
-        channels += [Channel(robot.inputs[i], "1") for i in enables]
-        values = np.concatenate([run.actions, run.inputs[..., enables]], axis=2)
-        time = np.arange(run.steps) * run.period
-        episodes = tuple(
-            Episode(
-                f"excite_{e}",
-                e * (run.steps * run.period + PAUSE) + time,
-                values[e],
-                dict(zip(robot.settings, run.settings[e], strict=True)),
-            )
-            for e in range(run.episodes)
-        )
-        source = {"made_by": "excite", "robot": robot.name, "between": list(self.between)}
-        source |= {"seed": self.pair.seed, "patterns": list(pool.names)}
-        return Recording(tuple(channels), episodes, False, source)
+        """The commands as a log without states: see `played`."""
+        names = [f"excite_{e}" for e in range(self.pool.run.episodes)]
+        source = {"between": list(self.between), "seed": self.pair.seed, "patterns": list(self.pool.names)}
+        return played(self.pair.robot, self.pool.run, names, source)
 
 
 def excite(
@@ -81,7 +66,7 @@ def excite(
 
     Raises UsageError where no commands separate the two (they are of one exact group, or move the robot alike),
     where an effect cannot act on the robot, or where `seconds` are too few; RobotError for a robot without commands
-    or without a fixed command rate.
+    or without a fixed command rate, or that rests outside its limits.
     """
     pair = Pair(robot, _terms(robot, between), seed)
     limits = Limits.of(robot)

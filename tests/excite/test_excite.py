@@ -81,7 +81,7 @@ def test_the_recording_can_be_played(answers, servo: Robot) -> None:
     recording, experiment = answers[PAIRS[0]]
     assert recording.names[0] == "arm/target" and not recording.measured
     assert set(recording.names) <= {"arm/target", "arm/enabled"}
-    length = len(recording.episodes[0].time) / servo.rate
+    length = np.ptp(recording.episodes[0].time)  # to the row that closes it
     assert experiment.seconds == pytest.approx(len(recording.episodes) * length) == pytest.approx(SECONDS)
     ends = [(e.time[0], e.time[-1]) for e in recording.episodes]
     assert all(before[1] < after[0] for before, after in zip(ends, ends[1:], strict=False))
@@ -130,6 +130,10 @@ def test_effects_of_a_base_on_wheels_are_driven_apart() -> None:
     kept = {limit.name: limit for limit in experiment.limits}
     for name in recording.names[:2]:
         assert kept[name].low <= kept[name].least < 0 < kept[name].most <= kept[name].high
+        assert kept[f"{name} rate"].high is None and kept[f"{name} rate"].unit == "rad/s^2"
+    assert all((episode.values[-1, :2] == 0.0).all() for episode in recording.episodes), "wheels are stopped"
+    assert kept["base/x (expected)"].least < kept["base/x (expected)"].most
+    assert "base/x from" in experiment.note and "the last row of each stops it" in experiment.note
 
 
 @pytest.mark.parametrize(
