@@ -126,9 +126,10 @@ def _settings(robot: Robot) -> np.ndarray:
 
 
 def _usual(robot: Robot, limits: Limits, steps: int, many: int, seed: int) -> Pool:
-    """The excitation of a usual diagnosis, begun at rest."""
+    """The excitation of a usual diagnosis, begun at rest; what it draws of measured inputs nobody sets."""
     made = excitation(robot, seed=seed, name="diagnose", episodes=many, steps=steps, reach=REACH)
-    kinds = robot.file.excitation.kinds
+    kinds, given = robot.file.excitation.kinds, len(robot.file.inputs)
+    made.inputs[..., :given] = robot.input_defaults[:given]
     run = Run(
         np.array([limits.keep(a, reset_pose(robot), 1.0 / robot.rate) for a in made.actions]),
         inputs=made.inputs,
