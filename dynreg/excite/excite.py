@@ -66,7 +66,7 @@ def excite(
 
     Raises UsageError where no commands separate the two (they are of one exact group, or move the robot alike),
     where an effect cannot act on the robot, or where `seconds` are too few; RobotError for a robot without commands
-    or without a fixed command rate, or that rests outside its limits.
+    or without a fixed command rate, that rests outside its limits, or whose replays are too short.
     """
     pair = Pair(robot, _terms(robot, between), seed)
     limits = Limits.of(robot)
@@ -143,7 +143,14 @@ def _terms(robot: Robot, between: tuple[str, str]) -> tuple[Term, Term]:
 
 def _lengths(robot: Robot, seconds: float) -> list[tuple[int, int]]:
     """(commands, episodes) to try: short episodes, and long ones for what changes slowly."""
-    longest = robot.file.replay.horizon or LONG
+    longest = robot.file.replay.horizon or LONG  # a diagnosis sees no more at once
+    if longest * robot.rate < FEWEST:
+        raise RobotError(
+            f"a replay of robot {robot.name!r} holds {longest * robot.rate:.3g} commands ({longest:g} s at"
+            f" {robot.rate:g} Hz)",
+            expected=f"at least {FEWEST}, as an episode needs",
+            do=f"set horizon = {FEWEST / robot.rate:g} or more in [replay] of robot.toml",
+        )
     out = {}
     for length in (min(SHORT, longest), longest):
         many = max(EPISODES, round(seconds / length))
