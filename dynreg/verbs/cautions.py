@@ -17,22 +17,15 @@ FLOOR = ("x", "y")  # quantities of a base that tell where it is on the floor
 def ending(robot: Robot) -> str:
     """How the last row of each episode leaves the robot."""
     held = targets(robot)
-    rest = (
-        "stops it"
-        if not held.any()
-        else "holds its targets"
-        if held.all()
-        else "holds targets and stops the rest"
-    )
-    return f"the last row of each {rest}"
+    rest = [what for what, some in (("holds its targets", held), ("stops the robot", ~held)) if some.any()]
+    return f"the last row of each {' and '.join(rest)}"
 
 
 def largest_steps(robot: Robot, run: Run) -> np.ndarray:
     """(A,) largest change from command to command, the first from the reset pose, the last to rest."""
     first = np.tile(reset_pose(robot), (run.episodes, 1, 1))
-    return np.abs(np.diff(np.concatenate([first, closed(robot, run.actions)], axis=1), axis=1)).max(
-        axis=(0, 1)
-    )
+    played = np.concatenate([first, closed(robot, run.actions)], axis=1)
+    return np.abs(np.diff(played, axis=1)).max(axis=(0, 1))
 
 
 def cautions(robot: Robot, limits: Limits, run: Run, reached: np.ndarray) -> Iterator[str]:
