@@ -5,44 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.data.names import parts_of
+from dynreg.excite.limits import Limits, Span
 from dynreg.rng import stream
-from dynreg.sim.excitation import KINDS, command_limits, reset_pose
-from dynreg.sim.ports import Ports, nominal_ports, takes_positions
+from dynreg.sim.excitation import KINDS, targets
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
-UNLIMITED = 1e5  # drives state larger limits where they have none
-INSIDE = 0.95  # of the room around the reset pose that commands use at most
 RANDOM_REACHES = (0.3, 0.8)
 
 Wave = Callable[[np.ndarray, float], np.ndarray]  # times (T, 1) [s], duration [s] -> offsets in [-1, 1]
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What commands keep to, each (A,): low, high in the action's unit, rate of change [unit/s], inf for none."""
-
-    low: np.ndarray
-    high: np.ndarray
-    rate: np.ndarray
-
-    @classmethod
-    def of(cls, robot: Robot) -> "Limits":
-        """Limits of the actions, of the joints that they move to, and the no-load speed of their drives."""
-        ports = _ports(robot)
-        rates = np.where(takes_positions(ports), _rates(robot, ports), np.inf)
-        return cls(*command_limits(robot).T, rates)
-
-    def keep(self, actions: np.ndarray, start: np.ndarray, period: float) -> np.ndarray:
-        """Commands (T, A) clipped, and slowed down where they change too fast, from `start` (A,) on."""
-        actions = np.clip(actions, self.low, self.high)
-        if not np.isfinite(self.rate).any():
-            return actions
-        out, last, step = np.empty_like(actions), start, (1.0 - 1e-9) * self.rate * period
-        for t, wanted in enumerate(actions):
-            last = out[t] = np.clip(wanted, last - step, last + step)
-        return out
 
 
 @dataclass(frozen=True)
@@ -82,17 +53,16 @@ def both(first: Pool, second: Pool) -> Pool:
 def pool(robot: Robot, limits: Limits, joints: tuple[str, ...], steps: int, seed: int) -> Pool:
     """Candidates of `steps` commands that move `joints` (all where none is named), at nominal settings.
 
-    Slow triangles, reversals, chirps, steps and holds, small ones also away from the reset pose; the random kinds
-    of the usual excitation; a hold that the drives leave, where they can be switched off.
+    Slow triangles, reversals, chirps, steps and holds, small ones of targets also away from the reset pose; the random
+    kinds of the usual excitation; a hold that the drives of targets leave, where they can be switched off.
     """
-    pose, rate = reset_pose(robot), robot.rate
-    free = room(limits, pose)
+    rate = robot.rate
     moving = np.isin(np.arange(len(robot.joints)), robot.drives_of(joints))
+    span = Span.of(robot, moving)
     names, actions = [], []
     for name, offsets in _offsets(robot, steps, rate, moving, seed):
-        wanted = pose + np.where(offsets > 0, free[1], free[0]) * offsets
         names.append(name)
-        actions.append(limits.keep(wanted, pose, 1.0 / rate))
+        actions.append(span.commands(offsets, limits, 1.0 / rate))
     inputs = np.tile(robot.input_defaults, (len(names), steps, 1))
     dropping = [i for i, name in enumerate(names) if name.startswith("drop")]
     inputs[dropping, steps // 2 :, len(robot.file.inputs) :] = 0.0
@@ -101,36 +71,24 @@ def pool(robot: Robot, limits: Limits, joints: tuple[str, ...], steps: int, seed
     return Pool(tuple(names), run)
 
 
-def joint_range(robot: Robot, channel: str) -> tuple[float, float]:
-    """Lowest and highest value of a channel, by its table and its joint's stops; infinite where there is none."""
-    (table,) = [c for c in robot.file.channels if c.name == channel]
-    low = -np.inf if table.low is None else table.low
-    high = np.inf if table.high is None else table.high
-    owner, quantity = parts_of(channel)
-    names = [robot.model.joint(j).name for j in range(robot.model.njnt)]
-    if quantity == "position" and owner in names and robot.model.jnt_limited[names.index(owner)]:
-        stops = robot.model.joint(owner).range
-        low, high = max(low, stops[0]), min(high, stops[1])
-    return float(low), float(high)
-
-
 def _offsets(
     robot: Robot, steps: int, rate: float, moving: np.ndarray, seed: int
 ) -> Iterator[tuple[str, np.ndarray]]:
-    """(name, (T, A) offsets from the reset pose as shares of the room there) of every candidate."""
+    """(name, (T, A) offsets as `Span.commands` takes them) of every candidate."""
     t, count = np.arange(steps)[:, None] / rate, int(moving.sum())
     duration = steps / rate
     standing = robot.floating  # it leaves its pose as little as it can
     size = robot.file.excitation.amplitude if standing else 1.0
+    held = targets(robot)  # a torque or a speed away from zero would drive its joint ever further
     apart = stream(seed, "excite", robot.name, "phases").uniform(0.0, 1.0, len(moving))
     for name, wave, period, reaches in _waves(rate, duration):
         for reach, centre in reaches:
-            if standing and centre:
+            if centre and (standing or not (moving & held).any()):
                 continue
             for phase, how in ((0.0, ""), (apart, ", joints apart"))[: 2 if count > 1 else 1]:
                 shape = wave(t + period * phase, duration) * np.ones(len(moving))
                 where = f", around {centre:+g}" if centre else ""
-                yield f"{name}, reach {reach:g}{where}{how}", moving * size * (centre + reach * shape)
+                yield f"{name}, reach {reach:g}{where}{how}", moving * size * (centre * held + reach * shape)
     for kind in ("levels", "walk", "gait"):
         for i, reach in enumerate(RANDOM_REACHES):
             rng = stream(seed, "excite", robot.name, kind, i)
@@ -138,10 +96,10 @@ def _offsets(
                 f"{kind}, reach {reach:g}",
                 moving * size * reach * KINDS[kind](rng, steps, len(moving), rate),
             )
-    if any(drive.enable for drive in robot.file.drives):
+    if any(drive.enable for drive in robot.file.drives) and (moving & held).any():
         for side in (-1.0, 1.0):
             for reach in RANDOM_REACHES:
-                yield f"drop from {side * reach:+g}", np.tile(moving * size * side * reach, (steps, 1))
+                yield f"drop from {side * reach:+g}", np.tile(moving * held * size * side * reach, (steps, 1))
 
 
 def _waves(rate: float, duration: float) -> list[tuple[str, Wave, float, list[tuple[float, float]]]]:
@@ -179,30 +137,3 @@ def chirp(low: float, high: float) -> Wave:
 def _staircase(t: np.ndarray, duration: float) -> np.ndarray:
     levels = np.array([0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0])
     return levels[np.floor(8 * t / duration).astype(int) % 8]
-
-
-def room(limits: Limits, pose: np.ndarray) -> np.ndarray:
-    """(2, A) distance from the reset pose to the lowest and the highest command; 1 where there is no limit."""
-    below = np.where(np.isfinite(limits.low), INSIDE * (pose - limits.low), 1.0)
-    above = np.where(np.isfinite(limits.high), INSIDE * (limits.high - pose), 1.0)
-    return np.maximum(np.stack([below, above]), 0.0)
-
-
-def _ports(robot: Robot) -> Ports:
-    """The ports of the nominal robot."""
-    ports = nominal_ports(robot, 1)
-    for parameter, setters in zip(robot.space.parameters, robot.setters, strict=True):
-        for assignment in setters:
-            if assignment.root in ("port", "control"):
-                ports.apply(assignment, np.array([parameter.nominal]))
-    return ports
-
-
-def _rates(robot: Robot, ports: Ports) -> np.ndarray:
-    """(A,) no-load speed of each drive, and the control port's largest step a command [unit/s]."""
-    drive = {key: value[0] for key, value in ports.drive.items()}
-    with np.errstate(divide="ignore", invalid="ignore"):
-        servo = drive["supply"] / drive["kt"]
-    speed = np.where([t == "duty_servo" for t in ports.types], servo, drive["speed_limit"])
-    speed = np.where(speed < UNLIMITED, speed, np.inf)
-    return np.minimum(speed, ports.control["max_step"][0] * robot.rate)

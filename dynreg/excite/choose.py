@@ -7,7 +7,9 @@ import numpy as np
 from dynreg.errors import UsageError
 from dynreg.evidence.lockstep import run as answered
 from dynreg.evidence.truth import REACH, trial_settings
-from dynreg.excite.candidates import Limits, Pool, both, pool
+from dynreg.excite.candidates import Pool, both, pool
+from dynreg.excite.limits import Limits
+from dynreg.excite.playing import begins
 from dynreg.excite.rivals import first_starts, strongest
 from dynreg.excite.separate import Judge, Pair
 from dynreg.sim.excitation import excitation, reset_pose
@@ -19,7 +21,6 @@ KEPT = 30  # candidates for each truth that are kept after their first trial
 SWAPS = 2  # rounds of exchanging the episodes chosen
 NEAREST = 3  # rivals known that a fit begins from
 SAME = 3.0  # nats that separate nothing
-PAUSE = 1.0  # s between episodes
 
 
 @dataclass
@@ -61,7 +62,7 @@ class Search:
         """Find the strongest rivals of every truth in a choice, and remember them."""
         judge = self.judge
         pair, run = judge.pair, judge.pool.run.take(np.array(chosen))
-        run = replace(run, begin=np.arange(run.episodes) * (run.steps * run.period + PAUSE))
+        run = replace(run, begin=begins(run))
         out = []
         for number, truth in enumerate(pair.truths):
             starts = judge.nearest(number, np.array(chosen))[:NEAREST]
@@ -125,9 +126,10 @@ def _settings(robot: Robot) -> np.ndarray:
 
 
 def _usual(robot: Robot, limits: Limits, steps: int, many: int, seed: int) -> Pool:
-    """The excitation of a usual diagnosis, begun at rest."""
+    """The excitation of a usual diagnosis, begun at rest; what it draws of measured inputs nobody sets."""
     made = excitation(robot, seed=seed, name="diagnose", episodes=many, steps=steps, reach=REACH)
-    kinds = robot.file.excitation.kinds
+    kinds, given = robot.file.excitation.kinds, len(robot.file.inputs)
+    made.inputs[..., :given] = robot.input_defaults[:given]
     run = Run(
         np.array([limits.keep(a, reset_pose(robot), 1.0 / robot.rate) for a in made.actions]),
         inputs=made.inputs,

@@ -4,10 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.data.recording import Channel, Episode, Recording
+from dynreg.data.recording import Recording
 from dynreg.errors import RobotError, UsageError
-from dynreg.excite.candidates import Limits, Pool
-from dynreg.excite.choose import PAUSE, SAME, Search
+from dynreg.excite.candidates import Pool
+from dynreg.excite.choose import SAME, Search
+from dynreg.excite.limits import Limits
+from dynreg.excite.playing import played
 from dynreg.excite.separate import Pair
 from dynreg.progress import Progress
 from dynreg.sim.effects import Term, one_group, term
@@ -40,27 +42,10 @@ class Chosen:
 
     @property
     def recording(self) -> Recording:
-        """The commands as a log without states, and the enable channels where drives are switched off."""
-        robot, pool, run = self.pair.robot, self.pool, self.pool.run
-        enables = [
-            i for i in range(len(robot.file.inputs), len(robot.inputs)) if (run.inputs[..., i] != 1.0).any()
-        ]
-        channels = [Channel(a.name, a.unit) for a in robot.file.actions]
-        channels += [Channel(robot.inputs[i], "1") for i in enables]
-        values = np.concatenate([run.actions, run.inputs[..., enables]], axis=2)
-        time = np.arange(run.steps) * run.period
-        episodes = tuple(
-            Episode(
-                f"excite_{e}",
-                e * (run.steps * run.period + PAUSE) + time,
-                values[e],
-                dict(zip(robot.settings, run.settings[e], strict=True)),
-            )
-            for e in range(run.episodes)
-        )
-        source = {"made_by": "excite", "robot": robot.name, "between": list(self.between)}
-        source |= {"seed": self.pair.seed, "patterns": list(pool.names)}
-        return Recording(tuple(channels), episodes, False, source)
+        """The commands as a log without states: see `played`."""
+        names = [f"excite_{e}" for e in range(self.pool.run.episodes)]
+        source = {"between": list(self.between), "seed": self.pair.seed, "patterns": list(self.pool.names)}
+        return played(self.pair.robot, self.pool.run, names, source)
 
 
 def excite(
@@ -81,7 +66,7 @@ def excite(
 
     Raises UsageError where no commands separate the two (they are of one exact group, or move the robot alike),
     where an effect cannot act on the robot, or where `seconds` are too few; RobotError for a robot without commands
-    or without a fixed command rate.
+    or without a fixed command rate, that rests outside its limits, or whose replays are too short.
     """
     pair = Pair(robot, _terms(robot, between), seed)
     limits = Limits.of(robot)
@@ -158,7 +143,14 @@ def _terms(robot: Robot, between: tuple[str, str]) -> tuple[Term, Term]:
 
 def _lengths(robot: Robot, seconds: float) -> list[tuple[int, int]]:
     """(commands, episodes) to try: short episodes, and long ones for what changes slowly."""
-    longest = robot.file.replay.horizon or LONG
+    longest = robot.file.replay.horizon or LONG  # a diagnosis sees no more at once
+    if longest * robot.rate < FEWEST:
+        raise RobotError(
+            f"a replay of robot {robot.name!r} holds {longest * robot.rate:.3g} commands ({longest:g} s at"
+            f" {robot.rate:g} Hz)",
+            expected=f"at least {FEWEST}, as an episode needs",
+            do=f"set horizon = {FEWEST / robot.rate:g} or more in [replay] of robot.toml",
+        )
     out = {}
     for length in (min(SHORT, longest), longest):
         many = max(EPISODES, round(seconds / length))

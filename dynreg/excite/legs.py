@@ -9,18 +9,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.data.recording import Channel, Episode, Recording
+from dynreg.data.recording import Recording
 from dynreg.errors import UsageError
 from dynreg.evidence.accuracy import STEP
 from dynreg.evidence.hypothesis import Coordinates
-from dynreg.excite.candidates import Limits, chirp, room, triangle
-from dynreg.excite.choose import PAUSE
+from dynreg.excite.candidates import chirp, triangle
+from dynreg.excite.limits import Limits, Span, reached_by
+from dynreg.excite.playing import played
 from dynreg.progress import Progress
 from dynreg.replay.known import nominal_known
 from dynreg.rng import stream
 from dynreg.sim.effects import Term, Terms, applicable, effect
 from dynreg.sim.engines import rollout
-from dynreg.sim.excitation import reset_pose
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 from dynreg.sim.stand import legs_of, on_stand
@@ -45,6 +45,7 @@ class Hanging:
 
     joints : that move; those of the other legs hold the reset pose. patterns : of each episode. nats : (effects,
     joints) evidence [nats] to expect of `AIMS` at medium size in each joint, from what is not to test.
+    reached : (E, 2, S) lowest and highest states to expect.
     """
 
     leg: str
@@ -53,6 +54,7 @@ class Hanging:
     names: tuple[str, ...]
     patterns: tuple[str, ...]
     nats: np.ndarray
+    reached: np.ndarray
 
     @property
     def held_out(self) -> tuple[str, ...]:
@@ -71,18 +73,9 @@ class HangingLegs:
     seed: int
 
     def recording(self, hanging: Hanging) -> Recording:
-        """The commands for a leg as a log without states."""
-        robot, run = self.robot, hanging.run
-        time = np.arange(run.steps) * run.period
-        settings = {s.name: s.nominal for s in robot.file.settings}
-        begun = [e * (run.steps * run.period + PAUSE) for e in range(run.episodes)]
-        episodes = tuple(
-            Episode(name, begin + time, actions, settings)
-            for name, begin, actions in zip(hanging.names, begun, run.actions, strict=True)
-        )
-        source = {"made_by": "excite", "robot": robot.name, "leg": hanging.leg, "seed": self.seed}
-        source |= {"patterns": list(hanging.patterns)}
-        return Recording(tuple(Channel(a.name, a.unit) for a in robot.file.actions), episodes, False, source)
+        """The commands for a leg as a log without states: see `played`."""
+        source = {"leg": hanging.leg, "seed": self.seed, "patterns": list(hanging.patterns)}
+        return played(self.robot, hanging.run, hanging.names, source)
 
 
 def hanging_legs(
@@ -99,10 +92,11 @@ def hanging_legs(
     All joints of a leg move at once, each at times of its own. Slow and wide, the weight of the links changes sides;
     fast, their inertia does, and a spring bends. The fast patterns are those in which the robot's sensors see most of a
     medium backlash and elasticity, in the joint where they see least of it, once its own parameters have made up for
-    what they can.
+    what they can. None in which a joint is expected to pass its stops, or a simulator diverges.
     legs : of `legs_of`, or ("all",). seconds : of each leg's commands.
-    Raises UsageError for a leg that the robot has not, a robot without legs, drives or effects to look for, or commands
-    that come too seldom; RobotError where its model cannot be put on a stand.
+    Raises UsageError for a leg that the robot has not, a robot without legs, drives or effects to look for, commands
+    that come too seldom, or a leg that cannot follow enough of them; RobotError where its model cannot be put on a
+    stand, or rests outside its limits.
     """
     stand = on_stand(robot)
     known = legs_of(stand)
@@ -158,29 +152,38 @@ def _hanging(
     """The commands for one leg: the slow pattern and the fast ones that tell most, twice; others to test."""
     names, actions = zip(*_patterns(robot, limits, joints, steps, seed), strict=True)
     run = Run(np.array(actions), settings=_nominal(robot, len(actions)), period=1.0 / robot.rate)
-    nats = _expected(robot, run, aims, joints, threads)
-    slow = [i for i, name in enumerate(names) if name.startswith("slow")]
-    fast = _picked(nats, [i for i in range(len(names)) if i not in slow], each, begun=slow[:1])
+    nats, usable, reached = _expected(robot, run, aims, joints, threads)
+    slow, fast = (
+        [i for i in np.flatnonzero(usable) if names[i].startswith("slow") == kind] for kind in (True, False)
+    )
+    if len(slow) < TESTS or len(fast) < each:
+        raise UsageError(
+            f"leg {leg!r} of robot {robot.name!r} passes its stops, or diverges, in {(~usable).sum()} of the"
+            f" {len(usable)} patterns that were tried",
+            expected=f"{TESTS} slow and {each} fast ones that it can follow",
+            do="lower the limits of its actions in robot.toml, or ask for fewer seconds",
+        )
+    fast = _picked(nats, fast, each, begun=slow[:1])
     twice, last = [slow[0], *fast[:-1]], [slow[1], fast[-1]]
     order = np.array([*twice, *twice, *last])
     called = [f"{part}_{i}" for part, many in (("fit", twice), ("select", twice)) for i in range(len(many))]
     called += [f"test_{i}" for i in range(len(last))]
     told = 2 * nats[..., twice].sum(axis=-1)
-    return Hanging(leg, joints, run.take(order), tuple(called), tuple(names[i] for i in order), told)
+    patterns = tuple(names[i] for i in order)
+    return Hanging(leg, joints, run.take(order), tuple(called), patterns, told, reached[order])
 
 
 def _patterns(
     robot: Robot, limits: Limits, joints: tuple[str, ...], steps: int, seed: int
 ) -> Iterator[tuple[str, np.ndarray]]:
     """(name, (T, A) commands): two slow triangles, and fast sines and chirps at several reaches."""
-    pose, rate, free = reset_pose(robot), robot.rate, room(limits, reset_pose(robot))
+    rate = robot.rate
     moving = np.isin(np.arange(len(robot.joints)), robot.drives_of(joints))
     apart = stream(seed, "excite", robot.name, "legs").uniform(0.0, 1.0, len(moving))
-    t, duration = np.arange(steps)[:, None] / rate, steps / rate
+    t, duration, span = np.arange(steps)[:, None] / rate, steps / rate, Span.of(robot, moving)
 
     def kept(shape: np.ndarray, reach: float) -> np.ndarray:
-        offset = reach * moving * shape
-        return limits.keep(pose + np.where(offset > 0, free[1], free[0]) * offset, pose, 1.0 / rate)
+        return span.commands(reach * moving * shape, limits, 1.0 / rate)
 
     for reach in (0.5, 0.3):
         yield (
@@ -201,26 +204,30 @@ def _patterns(
 
 def _expected(
     robot: Robot, run: Run, aims: tuple[str, ...], joints: tuple[str, ...], threads: int
-) -> np.ndarray:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(effects, joints, E) nats by which each effect of medium size in each joint shows in each episode.
 
-    To first order in the robot's parameters, which make up for what they can within their tolerances.
+    To first order in the robot's parameters, which make up for what they can within their tolerances. And `reached_by`
+    of all that is simulated for it; no nats where that cannot be used.
     """
     c = Coordinates(robot, nominal_known(robot))
     steps = np.concatenate([np.zeros((1, len(c))), STEP * np.eye(len(c))])
-    use = [robot.channels.index(f"{j}/position") for j in joints if f"{j}/position" in robot.channels]
-    noise = np.maximum(robot.sensor_noise[use], 1e-12)
     values = np.array([c.values(z) for z in steps])
-    states = rollout(robot, values, run, threads=threads).states[..., use] / noise
-    slopes = (states[1:] - states[0]) / STEP  # (P', E, T+1, C)
     terms = [Term(effect(name), (joint,)) for name in aims for joint in joints]
-    out = []
+    made = [rollout(robot, values, run, threads=threads)]
     for term in terms:
         size = np.array([[c.scale(term, p) for p in term.effect.parameters]])
-        acting = Terms((term,), (size,))
-        (moved,) = rollout(robot, values[:1], run, threads=threads, terms=acting).states[..., use] / noise
-        out.append([_left(moved[e] - states[0, e], slopes[:, e]) for e in range(run.episodes)])
-    return np.array(out).reshape(len(aims), len(joints), -1)
+        made.append(rollout(robot, values[:1], run, threads=threads, terms=Terms((term,), (size,))))
+    states, fell = (np.concatenate([getattr(one, k) for one in made]) for k in ("states", "fell"))
+    usable, reached = reached_by(robot, states, fell)
+    use = [robot.channels.index(f"{j}/position") for j in joints if f"{j}/position" in robot.channels]
+    seen = states[:, usable][..., use] / np.maximum(robot.sensor_noise[use], 1e-12)
+    slopes, moved = (seen[1 : len(steps)] - seen[0]) / STEP, seen[len(steps) :]  # (P', E, T+1, C), (N, ...)
+    nats = np.zeros((len(terms), run.episodes))
+    nats[:, usable] = [
+        [_left(one[e] - seen[0, e], slopes[:, e]) for e in range(usable.sum())] for one in moved
+    ]
+    return nats.reshape(len(aims), len(joints), -1), usable, reached
 
 
 def _left(change: np.ndarray, slopes: np.ndarray) -> float:

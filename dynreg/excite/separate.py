@@ -11,7 +11,8 @@ from functools import cached_property
 import numpy as np
 
 from dynreg.evidence.hypothesis import Coordinates, Hypothesis, effect_bounds
-from dynreg.excite.candidates import Pool, joint_range
+from dynreg.excite.candidates import Pool
+from dynreg.excite.limits import followed, reached_by
 from dynreg.replay.known import nominal_known
 from dynreg.replay.samples import effective_samples
 from dynreg.rng import stream
@@ -25,7 +26,6 @@ STEP = 0.3  # central differences, wide: these derivatives have to hold as far a
 REACH = 2.0  # times its size that a refit moves an effect
 ROUNDS = 4  # of reweighting, for the size of a residual counts by its logarithm
 AT_ONCE = 3_000_000  # numbers in one batch of rollouts
-BEYOND = 0.02  # of its range that a joint may be expected to pass its stops
 
 
 @dataclass(frozen=True)
@@ -173,17 +173,8 @@ class Judge:
         plain = [(-1, np.zeros(len(pair.coordinates)))]
         made = pair.simulate(plain + self.truths, self.pool.run)
         disturbed = pair.simulate(plain, self.pool.run, disturbed=True)
-        rows = self.pool.run.steps
-        fell = np.concatenate([made.fell, disturbed.fell]) <= rows
-        lost = ~np.isfinite(np.concatenate([made.states, disturbed.states])).all(axis=(2, 3))
-        self.usable = ~(fell | lost).any(axis=0)
-        states = np.where(self.usable[None, :, None, None], made.states, 0.0)
-        self.reached = np.stack([states.min(axis=(0, 2)), states.max(axis=(0, 2))], axis=1)
-        for column, name in enumerate(robot.channels):  # every joint is expected to stay inside its range
-            low, high = joint_range(robot, name)
-            slack = BEYOND * (high - low) if np.isfinite(high - low) else 0.0
-            least, most = self.reached[:, :, column].T
-            self.usable &= (least >= low - slack) & (most <= high + slack)
+        self.usable, self.reached = reached_by(robot, made.states, made.fell)
+        self.usable &= followed(disturbed.states, disturbed.fell)
         seen = self._seen(made)
         self._true = seen[1:]
         draw = stream(pair.seed, "excite", robot.name, "sensors")

@@ -14,6 +14,7 @@ from dynreg.sim.run import Run
 TYPICAL = 10.0  # Hz, of commands of robots whose control is timed
 # Either side of the reset pose, of targets that neither their action nor their joint limits: half a turn and a little.
 FREE = {"rad": 3.2, "m": 0.5}
+ROUNDED = 1e-3  # of its limits, by which a reset pose may miss them: keyframes are written with few digits
 # Each kind draws (steps, A) offsets in [-1, 1] for commands at `rate` Hz.
 Kind = Callable[[np.random.Generator, int, int, float], np.ndarray]
 
@@ -93,7 +94,7 @@ def excitation(
     file = robot.file.excitation
     episodes, steps = episodes or file.episodes, steps or file.steps
     pose, stops = reset_pose(robot), _stops(robot)
-    low, high = _whole(robot, pose).T
+    low, high = command_range(robot, pose).T
     actions = np.empty((episodes, steps, len(robot.actions)))
     inputs = np.tile(robot.input_defaults, (episodes, steps, 1))
     settings = np.empty((episodes, len(robot.settings)))
@@ -136,9 +137,14 @@ def bank_period(robot: Robot) -> float | None:
     return None if robot.file.robot.control_rate else 1.0 / TYPICAL
 
 
+def targets(robot: Robot) -> np.ndarray:
+    """(A,) whether each action is a target: a position that its drive moves to."""
+    return takes_positions(nominal_ports(robot, 1)) if robot.actions else np.zeros(0, dtype=bool)
+
+
 def reset_pose(robot: Robot) -> np.ndarray:
     """(A,) commands that hold the reset pose: joint positions for position-like drives, else zero."""
-    held = takes_positions(nominal_ports(robot, 1)) if robot.actions else np.zeros(0, dtype=bool)
+    held = targets(robot)
     if not held.any():
         return np.zeros(len(held))
     qpos = robot.model.qpos0 if robot.keyframe < 0 else robot.model.key_qpos[robot.keyframe]
@@ -155,10 +161,17 @@ def command_limits(robot: Robot) -> np.ndarray:
     return np.stack([np.maximum(ranges[:, 0], stops[:, 0]), np.minimum(ranges[:, 1], stops[:, 1])], axis=1)
 
 
+def outside_limits(robot: Robot) -> np.ndarray:
+    """(A,) whether the command that holds the reset pose lies outside `command_limits`, by more than is rounded."""
+    (low, high), pose = command_limits(robot).T, reset_pose(robot)
+    slack = np.where(np.isfinite(high - low), ROUNDED * (high - low), 0.0)
+    return (pose < low - slack) | (pose > high + slack)
+
+
 def _stops(robot: Robot) -> np.ndarray:
     """(A, 2) stops of the joints whose drives take positions; infinite for others."""
     out = np.tile([-np.inf, np.inf], (len(robot.actions), 1))
-    held = takes_positions(nominal_ports(robot, 1)) if robot.actions else np.zeros(0, dtype=bool)
+    held = targets(robot)
     if held.any():
         model = robot.model
         joints = model.dof_jntid[layout_of(robot).action_dof]
@@ -167,10 +180,12 @@ def _stops(robot: Robot) -> np.ndarray:
     return out
 
 
-def _whole(robot: Robot, pose: np.ndarray) -> np.ndarray:
-    """(A, 2) `command_limits`, with `FREE` about the pose for targets that have none, and 1 for all else."""
-    held = takes_positions(nominal_ports(robot, 1)) if robot.actions else np.zeros(0, dtype=bool)
-    reach = [FREE.get(a.unit, 1.0) if h else 1.0 for a, h in zip(robot.file.actions, held, strict=True)]
+def command_range(robot: Robot, pose: np.ndarray) -> np.ndarray:
+    """(A, 2) `command_limits`, with `FREE` about the pose (A,) for targets that have none, and 1 for all else."""
+    reach = [
+        FREE.get(a.unit, 1.0) if held else 1.0
+        for a, held in zip(robot.file.actions, targets(robot), strict=True)
+    ]
     limits = command_limits(robot)
     usual = pose[:, None] + np.outer(reach, [-1.0, 1.0])
     return np.where(np.isinf(limits), usual, limits)
@@ -184,7 +199,7 @@ def _held_joints(robot: Robot) -> list[tuple[int, int, int]]:
     if not robot.actions or robot.floating:
         return []
     channels = {name: i for i, name in enumerate(robot.channels)}
-    held = takes_positions(nominal_ports(robot, 1))
+    held = targets(robot)
     return [
         (a, channels[f"{joint}/position"], channels.get(f"{joint}/velocity", -1))
         for a, joint in enumerate(robot.joints)

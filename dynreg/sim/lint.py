@@ -8,9 +8,9 @@ import numpy as np
 from dynreg.data.names import joint_of
 from dynreg.sim.at_odds import at_odds
 from dynreg.sim.effects.contact import has_ground, touching_geoms
+from dynreg.sim.excitation import command_limits, outside_limits, reset_pose, targets
 from dynreg.sim.finding import Said
 from dynreg.sim.layout import layout_of
-from dynreg.sim.ports import nominal_ports, takes_positions
 from dynreg.sim.robot import Robot, packaged_robots
 from dynreg.sim.sets import FRICTION_FIELDS, Assignment
 from dynreg.sim.space import Parameter
@@ -34,6 +34,7 @@ def doubts(robot: Robot) -> Iterator[Said]:
     if not robot.planar:
         yield from _twice(robot)
         yield from _past_stops(robot)
+        yield from _pose_outside(robot)
         yield from _no_ground(robot)
         yield from at_odds(robot)
 
@@ -166,9 +167,7 @@ def _past_stops(robot: Robot) -> Iterator[Said]:
         return
     model, layout = robot.model, layout_of(robot)
     joints = model.dof_jntid[layout.action_dof]
-    for action, joint, held in zip(
-        robot.file.actions, joints, takes_positions(nominal_ports(robot, 1)), strict=True
-    ):
+    for action, joint, held in zip(robot.file.actions, joints, targets(robot), strict=True):
         if not held or not model.jnt_limited[joint] or action.low is None or action.high is None:
             continue
         low, high = model.jnt_range[joint]
@@ -180,6 +179,19 @@ def _past_stops(robot: Robot) -> Iterator[Said]:
                 f"{low:g} to {high:g}: targets beyond press the joint on its stop in a replay, and populations and "
                 "experiments give none; correct the action's range or the joint's (mind degrees and radians)",
             )
+
+
+def _pose_outside(robot: Robot) -> Iterator[Said]:
+    """Reset poses that no command can hold: an experiment from there would begin beyond a limit."""
+    (low, high), pose = command_limits(robot).T, reset_pose(robot)
+    for a in np.flatnonzero(outside_limits(robot)):
+        table = robot.file.actions[a]
+        yield (
+            ("actions", table.name, "name"),
+            f"action {table.name!r}: the reset pose, {pose[a]:g} {table.unit}, is outside its limits {low[a]:g} to "
+            f"{high[a]:g} {table.unit}, so no experiment can begin there; name a keyframe inside them in [reset], or "
+            "correct the range",
+        )
 
 
 def _no_ground(robot: Robot) -> Iterator[Said]:

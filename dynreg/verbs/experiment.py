@@ -3,11 +3,15 @@
 import numpy as np
 
 from dynreg.data.names import parts_of
-from dynreg.excite.candidates import Limits, Pool, joint_range
 from dynreg.excite.excite import Chosen
+from dynreg.excite.limits import Limits, joint_range
+from dynreg.excite.playing import closed
 from dynreg.results.experiment import Experiment, LimitKept
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
+from dynreg.verbs.cautions import cautions, ending, largest_steps
+
+TRAVEL = ("x", "y", "z", "yaw")  # quantities of a base that tell how far it goes
 
 
 def experiment(chosen: Chosen) -> Experiment:
@@ -25,50 +29,43 @@ def experiment(chosen: Chosen) -> Experiment:
         separation=chosen.nats,
         usual=chosen.usual,
         limits=(*commanded(pair.robot, chosen.limits, pool.run), *_moved(pair.robot, chosen.reached)),
-        note=_note(pair.robot, pool, silent),
+        note=_note(chosen, silent),
     )
 
 
 def commanded(robot: Robot, limits: Limits, run: Run) -> list[LimitKept]:
-    """The limits of every command and of its rate, with the values used."""
-    out = []
-    speed = np.abs(np.diff(run.actions, axis=1)) / run.period
+    """The limits of every command and of its rate, with the values used, the closing rows included."""
+    out, actions, speed = [], closed(robot, run.actions), largest_steps(robot, run) / run.period
     for a, table in enumerate(robot.file.actions):
-        low, high, rate = (_finite(x[a]) for x in (limits.low, limits.high, limits.rate))
-        used = run.actions[..., a]
-        out.append(_kept(table.name, table.unit, low, high, used.min(), used.max()))
-        if rate is not None:
-            fastest = speed[..., a].max(initial=0.0)
-            out.append(_kept(f"{table.name} rate", f"{table.unit}/s", -rate, rate, -fastest, fastest))
+        used, rate = actions[..., a], limits.rate[a]
+        out.append(_kept(table.name, table.unit, limits.low[a], limits.high[a], used.min(), used.max()))
+        unit = f"{table.unit}^2" if table.unit.endswith("/s") else f"{table.unit}/s"
+        out.append(_kept(f"{table.name} rate", unit, -rate, rate, -speed[a], speed[a]))
     return out
 
 
 def _moved(robot: Robot, reached: np.ndarray) -> list[LimitKept]:
-    """The range of every driven joint's position, with the expected extremes."""
+    """The range of every driven joint's position and of where the base goes, with the expected extremes."""
     out = []
     for column, table in enumerate(robot.file.channels):
         owner, quantity = parts_of(table.name)
-        if owner in robot.driven and quantity == "position":
-            low, high = (_finite(x) for x in joint_range(robot, table.name))
+        if (owner in robot.driven and quantity == "position") or quantity in TRAVEL:
             least, most = reached[:, 0, column].min(), reached[:, 1, column].max()
-            out.append(_kept(f"{table.name} (expected)", table.unit, low, high, least, most))
+            ends = joint_range(robot, table.name)
+            out.append(_kept(f"{table.name} (expected)", table.unit, *ends, least, most))
     return out
 
 
-def _kept(
-    name: str, unit: str, low: float | None, high: float | None, least: float, most: float
-) -> LimitKept:
+def _kept(name: str, unit: str, low: float, high: float, least: float, most: float) -> LimitKept:
+    low, high = (float(end) if np.isfinite(end) else None for end in (low, high))
     return LimitKept(name=name, unit=unit, low=low, high=high, least=float(least), most=float(most))
 
 
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
-def _note(robot: Robot, pool: Pool, silent: list[str]) -> str:
-    """Instructions: the pattern and the settings of each episode, and the limits of the expected evidence."""
-    run = pool.run
-    parts = [f"{run.episodes} episodes of {run.steps * run.period:g} s; begin each at rest in the reset pose"]
+def _note(chosen: Chosen, silent: list[str]) -> str:
+    """Instructions: the pattern and settings of each episode, what no limit bounds, what evidence is not expected."""
+    robot, pool, run = chosen.pair.robot, chosen.pool, chosen.pool.run
+    length = f"{run.episodes} episodes of {run.steps * run.period:g} s"
+    parts = [f"{length}; begin each at rest in the reset pose; {ending(robot)}"]
     parts.append("; ".join(f"{e}: {name}" for e, name in enumerate(pool.names)))
     for k, table in enumerate(robot.file.settings):
         column = run.settings[:, k]
@@ -76,6 +73,7 @@ def _note(robot: Robot, pool: Pool, silent: list[str]) -> str:
         for value in np.unique(column[column != table.nominal]):
             where = ", ".join(map(str, np.flatnonzero(column == value)))
             parts.append(f"set {table.name} = {value:g}{unit} in {where}")
+    parts += cautions(robot, chosen.limits, run, chosen.reached)
     if silent:
         parts.append(
             f"no evidence is expected if {' or '.join(silent)} is the true cause: that case is not counted"

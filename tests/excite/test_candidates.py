@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from dynreg.excite.candidates import Limits, both, joint_range, pool
+from dynreg.excite.candidates import both, pool
+from dynreg.excite.limits import Limits, joint_range
 from dynreg.sim.excitation import reset_pose
 from dynreg.sim.robot import load_robot
 

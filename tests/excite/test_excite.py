@@ -7,7 +7,7 @@ import pytest
 
 from dynreg.data.recording import Recording
 from dynreg.data.table import write_csv
-from dynreg.errors import DynregError, UsageError
+from dynreg.errors import DynregError, RobotError, UsageError
 from dynreg.evidence.data import Data
 from dynreg.evidence.fit import fit
 from dynreg.evidence.hypothesis import Hypothesis
@@ -15,7 +15,9 @@ from dynreg.evidence.lockstep import run as answered
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
 from dynreg.evidence.truth import REACH, Hidden, measured_states, trial_settings
+from dynreg.excite.choose import Search
 from dynreg.excite.excite import excite
+from dynreg.excite.limits import Limits
 from dynreg.excite.rivals import first_starts
 from dynreg.excite.separate import Pair
 from dynreg.replay.parts import Parts
@@ -81,7 +83,7 @@ def test_the_recording_can_be_played(answers, servo: Robot) -> None:
     recording, experiment = answers[PAIRS[0]]
     assert recording.names[0] == "arm/target" and not recording.measured
     assert set(recording.names) <= {"arm/target", "arm/enabled"}
-    length = len(recording.episodes[0].time) / servo.rate
+    length = np.ptp(recording.episodes[0].time)  # to the row that closes it
     assert experiment.seconds == pytest.approx(len(recording.episodes) * length) == pytest.approx(SECONDS)
     ends = [(e.time[0], e.time[-1]) for e in recording.episodes]
     assert all(before[1] < after[0] for before, after in zip(ends, ends[1:], strict=False))
@@ -130,6 +132,10 @@ def test_effects_of_a_base_on_wheels_are_driven_apart() -> None:
     kept = {limit.name: limit for limit in experiment.limits}
     for name in recording.names[:2]:
         assert kept[name].low <= kept[name].least < 0 < kept[name].most <= kept[name].high
+        assert kept[f"{name} rate"].high is None and kept[f"{name} rate"].unit == "rad/s^2"
+    assert all((episode.values[-1, :2] == 0.0).all() for episode in recording.episodes), "wheels are stopped"
+    assert kept["base/x (expected)"].least < kept["base/x (expected)"].most
+    assert "base/x from" in experiment.note and "the last row of each stops the robot" in experiment.note
 
 
 @pytest.mark.parametrize(
@@ -154,7 +160,21 @@ def test_effects_for_which_parameters_make_up_are_refused(servo: Robot) -> None:
     space = replace(servo.space, parameters=tuple(replace(p, tolerance=5.0) for p in servo.space.parameters))
     robot = replace(servo, file=servo.file.model_copy(update={"parameters": vague}), space=space)
     with pytest.raises(DynregError, match="does not tell coulomb_friction from viscous_friction"):
-        excite(robot, ("coulomb_friction", "viscous_friction"), seconds=1.0, seed=0, rounds=1)
+        excite(robot, ("coulomb_friction", "viscous_friction"), seconds=1.0, seed=2, rounds=1)
+
+
+def test_usual_commands_are_judged_with_the_inputs_that_a_robot_has_by_default(servo: Robot) -> None:
+    limits = Limits.of(servo)
+    search = Search.of(Pair(servo, (term("payload"), term("coulomb_friction"))), limits, 50, 4)
+    inputs = search.judge.pool.run.inputs[..., servo.inputs.index("supply")]
+    assert (inputs == servo.input_defaults[servo.inputs.index("supply")]).all()
+
+
+def test_a_horizon_that_holds_no_episode_is_named(servo: Robot) -> None:
+    short = servo.file.replay.model_copy(update={"horizon": 0.1})
+    robot = replace(servo, file=servo.file.model_copy(update={"replay": short}))
+    with pytest.raises(RobotError, match=r"holds 10 commands.*horizon = 0\.2 or more in \[replay\]"):
+        excite(robot, ("payload", "coulomb_friction"), seconds=60.0, seed=0)
 
 
 def told(robot: Robot, pair: tuple[str, str], **asked) -> tuple[Recording, Experiment]:

@@ -1,15 +1,18 @@
 """Legs that hang free in turn: slow and fast reversals within the limits, in which play is found."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from changed_robot import changed
 
 from dynreg.diagnose.diagnose import diagnose
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.errors import UsageError
 from dynreg.evidence.lockstep import run as answered
 from dynreg.evidence.truth import Protocol, hide, log_of
+from dynreg.excite import legs
 from dynreg.excite.legs import Hanging, HangingLegs, hanging_legs
 from dynreg.sim.effects import term
 from dynreg.sim.excitation import reset_pose
@@ -85,6 +88,47 @@ def test_the_same_seed_gives_the_same_commands(leg: Hanging) -> None:
 def test_what_cannot_hang_is_refused(robot: str, legs: tuple, seconds: float, says: str) -> None:
     with pytest.raises(UsageError, match=says):
         hanging_legs(load_robot(robot), legs, seconds=seconds)
+
+
+def test_every_episode_ends_with_a_row_that_holds(made: HangingLegs, leg: Hanging) -> None:
+    for episode, actions in zip(made.recording(leg).episodes, leg.run.actions, strict=True):
+        assert (episode.values[:-1] == actions).all() and (episode.values[-1] == actions[-1]).all()
+
+
+def test_patterns_that_diverge_are_left_out(leg: Hanging, monkeypatch) -> None:
+    """A fast one that was taken before, and a slow one."""
+    lost = [commands_of(leg, name) for name in (leg.patterns[1], leg.patterns[0])]
+    simulate = legs.rollout
+
+    def diverging(robot, values, run, **asked):
+        out = simulate(robot, values, run, **asked)
+        for actions in lost[:many]:
+            out.states[:, (run.actions == actions).all(axis=(1, 2)), 5:] = np.nan
+        return out
+
+    monkeypatch.setattr(legs, "rollout", diverging)
+    many = 1
+    again = hanging_legs(load_robot("quadruped"), ("fl",), seconds=SECONDS).legs[0]
+    assert leg.patterns[1] not in again.patterns and np.isfinite(again.nats).all()
+    many = 2
+    with pytest.raises(UsageError, match="leg 'fl' .* in 2 of the 17 patterns.*expected 2 slow and 3 fast"):
+        hanging_legs(load_robot("quadruped"), ("fl",), seconds=SECONDS)
+
+
+def test_patterns_beyond_the_stops_are_left_out(leg: Hanging, tmp_path: Path) -> None:
+    hip = 'name = "fl_hip/position"\nunit = "rad"\nlow = '
+    narrow = changed(tmp_path / "dog", "quadruped", {f"{hip}-6.3": f"{hip}-0.35"})
+    column = narrow.channels.index("fl_hip/position")
+    again = hanging_legs(narrow, ("fl",), seconds=SECONDS).legs[0]
+    low = {name: least for name, least in zip(leg.patterns, leg.reached[:, 0, column], strict=True)}
+    gone = {name for name, least in low.items() if least < -0.375}  # the stop and two hundredths of the range
+    assert gone == {"chirp from 2 to 4 Hz, reach 0.7"} and not gone & {*again.patterns}
+    assert again.reached[:, 0, column].min() > -0.375
+
+
+def commands_of(leg: Hanging, pattern: str) -> np.ndarray:
+    """The commands (T, A) of a pattern that was chosen."""
+    return leg.run.actions[leg.patterns.index(pattern)]
 
 
 @pytest.mark.slow

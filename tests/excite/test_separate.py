@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from dynreg.excite.candidates import Limits, Pool, pool
+from dynreg.excite.candidates import Pool, pool
+from dynreg.excite.limits import Limits
 from dynreg.excite.separate import Judge, Pair
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot

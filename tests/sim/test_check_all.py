@@ -140,6 +140,11 @@ WARNED = {
         ARM_XML,
         r"name@action 'shoulder/target' goes from -115 to 115 rad, its joint from -2.09.*press the joint on its stop",
     ),
+    "reset pose": (
+        [("low = -2.0\nhigh = 2.0", "low = 0.5\nhigh = 2.0")],
+        ARM_XML,
+        r"name@action 'shoulder/target': the reset pose, 0.3 rad, is outside its limits 0.5 to 2 rad",
+    ),
     "gravity": (
         [("torque_limit = 4.0", "torque_limit = 0.3")],
         ARM_XML,

@@ -1,0 +1,89 @@
+"""What the operator of an experiment minds before playing it: what no limit bounds, and how its episodes end."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from dynreg.data.names import joint_of, quantity_of
+from dynreg.excite.limits import Limits, crowded, joint_range
+from dynreg.excite.playing import closed
+from dynreg.sim.excitation import command_range, reset_pose, targets
+from dynreg.sim.robot import Robot
+from dynreg.sim.run import Run
+
+FLOOR = ("x", "y")  # quantities of a base that tell where it is on the floor
+
+
+def ending(robot: Robot) -> str:
+    """How the last row of each episode leaves the robot."""
+    held = targets(robot)
+    rest = [what for what, some in (("holds its targets", held), ("stops the robot", ~held)) if some.any()]
+    return f"the last row of each {' and '.join(rest)}"
+
+
+def largest_steps(robot: Robot, run: Run) -> np.ndarray:
+    """(A,) largest change from command to command, the first from the reset pose, the last to rest."""
+    first = np.tile(reset_pose(robot), (run.episodes, 1, 1))
+    played = np.concatenate([first, closed(robot, run.actions)], axis=1)
+    return np.abs(np.diff(played, axis=1)).max(axis=(0, 1))
+
+
+def cautions(robot: Robot, limits: Limits, run: Run, reached: np.ndarray) -> Iterator[str]:
+    """Sentences about what no limit bounds: commands, their steps, and how far joints and bases go.
+
+    reached : (E, 2, S) lowest and highest states to expect.
+    """
+    tables, moved = robot.file.actions, (run.actions != reset_pose(robot)).any(axis=(0, 1))
+    unbounded = moved & ~(np.isfinite(limits.low) & np.isfinite(limits.high))
+    if unbounded.any():
+        ends = [(run.actions[..., a].min(), run.actions[..., a].max()) for a in range(len(tables))]
+        told = [f"{tables[a].name} ({_span(*ends[a], tables[a].unit)})" for a in np.flatnonzero(unbounded)]
+        yield f"no limits are known of {', '.join(told)}: give low and high in [[actions]] of robot.toml"
+    yield from _fast(robot, moved & targets(robot) & np.isinf(limits.rate), largest_steps(robot, run))
+    middle = command_range(robot, reset_pose(robot)).mean(axis=1)
+    for a in np.flatnonzero(moved & crowded(robot)):
+        where = f"{middle[a]:.3g} {tables[a].unit}, the middle of its range"
+        yield f"{tables[a].name} goes about {where}, for it rests near an end"
+    yield from _travel(robot, reached)
+
+
+def _fast(robot: Robot, free: np.ndarray, steps: np.ndarray) -> Iterator[str]:
+    """The largest step of targets (A,) whose speed nothing limits, those of one unit together."""
+    for unit in dict.fromkeys(table.unit for table in robot.file.actions):
+        some = [a for a in np.flatnonzero(free) if robot.file.actions[a].unit == unit]
+        if some:
+            names = ", ".join(dict.fromkeys(robot.joints[a] for a in some))
+            yield (
+                f"no speed limit of {names} is known: the largest step is {steps[some].max():.3g} {unit} in one"
+                " command; give speed_limit in robot.toml"
+            )
+
+
+def _travel(robot: Robot, reached: np.ndarray) -> Iterator[str]:
+    """How far joints without stops and bases on wheels are expected to go."""
+    told = {
+        name: _span(reached[:, 0, column].min(), reached[:, 1, column].max(), table.unit)
+        for column, (name, table) in enumerate(zip(robot.channels, robot.file.channels, strict=True))
+    }
+    if robot.planar:
+        floor = [f"{name} {span}" for name, span in told.items() if quantity_of(name) in FLOOR]
+        goes = f"expected are {', '.join(floor)}" if floor else "no channel tells where the base goes"
+        yield f"keep the floor free: {goes}"
+        return
+    free = [name for name in told if _is_free(robot, name)]
+    if free:
+        where = ", ".join(f"{joint_of(name)} (expected {told[name]})" for name in free)
+        yield (
+            f"no stops are known of {where}: if there are any, give the joint a range in the model, or its"
+            " position channel low and high in robot.toml"
+        )
+
+
+def _is_free(robot: Robot, channel: str) -> bool:
+    """Whether a channel is the position of a driven joint that nothing stops."""
+    driven = joint_of(channel) in robot.driven and quantity_of(channel) == "position"
+    return driven and not np.isfinite(joint_range(robot, channel)).all()
+
+
+def _span(low: float, high: float, unit: str) -> str:
+    return f"from {low:.3g} to {high:.3g} {unit}"
