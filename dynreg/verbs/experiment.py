@@ -40,7 +40,7 @@ def commanded(robot: Robot, limits: Limits, run: Run) -> list[LimitKept]:
         used, rate = actions[..., a], limits.rate[a]
         out.append(_kept(table.name, table.unit, limits.low[a], limits.high[a], used.min(), used.max()))
         unit = f"{table.unit}^2" if table.unit.endswith("/s") else f"{table.unit}/s"
-        out.append(_kept(f"{table.name} rate", unit, -rate, rate, -speed[a], speed[a]))
+        out.append(_kept(f"{table.name} rate", unit, -rate, rate, 0.0 - speed[a], speed[a]))
     return out
 
 
