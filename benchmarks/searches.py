@@ -17,8 +17,8 @@ SPENT = "spent.json"
 def kept_searches(journals: Path, folder: Path) -> Iterator[None]:
     """Copy what `folder` has to where a registry has its `journals` for the block, and back what its searches add.
 
-    Those of a search that has ended stay in the folder. The longer of two is the later one. What all runs took in which
-    the folder was used is kept there, too; see `spent`.
+    Those of a search that has ended stay in the folder. The longer of two is the later one. The folder also
+    keeps the time of all runs that used it; see `spent`.
     """
     folder.mkdir(parents=True, exist_ok=True)
     journals.mkdir(parents=True, exist_ok=True)

@@ -62,8 +62,11 @@ class Errors:
         """(2, C + 1) the 90 % interval of a simulator's errors over the blocks; None where these are too few."""
         return ratio(self.many, self.total[one])
 
-    def left(self, one: int, other: int = 0) -> np.ndarray | None:
-        """(2, C + 1) the interval of its errors over another's, in the same blocks; NaN where that errs by nothing."""
+    def ratio_to(self, one: int, other: int = 0) -> np.ndarray | None:
+        """(2, C + 1) the 90 % interval of the ratio of one simulator's errors to another's, over the same blocks.
+
+        None where the blocks are too few; NaN where the other has no error.
+        """
         return ratio(self.total[other], self.total[one])
 
     def tie(self, one: int, other: int) -> tuple[bool | None, ...]:
@@ -75,7 +78,7 @@ class Errors:
         """
         apart = np.abs(self.mean[one] - self.mean[other])
         small = (apart <= ROUNDING * np.maximum(self.mean[one], self.mean[other])) | (apart < self.noise)
-        left = self.left(one, other)
+        left = self.ratio_to(one, other)
         if left is None:
             return tuple(True if tie else None for tie in small)
         low, high = left

@@ -30,7 +30,8 @@ def trajectory(
 ) -> np.ndarray:
     """(M,) mean absolute difference, in units of each channel's spread: of each episode, then of all.
 
-    An episode may be a piece of a run that begins on the way, or go on after it.
+    An episode may be a piece of a run that begins on the way, or go on after it. Where its commands stand in several
+    places, each entry's nearest counts.
 
     Parameters
     ----------
@@ -44,12 +45,15 @@ def trajectory(
     apart = []
     for name, (measured, told) in episodes.items():
         told = told[: actions.shape[1]]
-        known = np.isfinite(measured[: len(told) + 1])
+        rows = measured[: len(told) + 1]
+        known = np.isfinite(rows)
         if not len(told) or not known.any():
             continue
-        run, first = _place(actions, told, name)
-        difference = states[:, run, first : first + len(told) + 1] - measured[: len(told) + 1]
-        apart.append(np.nanmean(np.where(known, np.abs(difference) / spread, np.nan), axis=(1, 2)))
+        each = []
+        for run, first in _places(actions, told, name):
+            difference = np.abs(states[:, run, first : first + len(rows)] - rows) / spread
+            each.append(np.nanmean(np.where(known, difference, np.nan), axis=(1, 2)))
+        apart.append(np.min(each, axis=0))
     if not apart:
         raise LogError(
             "no episode has two rows and a measured state",
@@ -59,15 +63,15 @@ def trajectory(
     return np.mean(apart, axis=0)
 
 
-def _place(actions: np.ndarray, told: np.ndarray, episode: str) -> tuple[int, int]:
-    """Run and row of the bank's commands (E, T, A) from which on they are these (t, A)."""
+def _places(actions: np.ndarray, told: np.ndarray, episode: str) -> list[tuple[int, int]]:
+    """Runs and rows of the bank's commands (E, T, A) from which on they are these (t, A): a held one has several."""
     windows = np.lib.stride_tricks.sliding_window_view(actions, len(told), axis=1)  # (E, T-t+1, A, t)
-    apart = np.abs(windows - told.T).max(axis=(2, 3))
-    found = np.unravel_index(int(np.argmin(apart)), apart.shape)
-    if not apart[found] <= ALIKE * max(np.ptp(actions), 1e-12):  # NaN is no match either
+    apart = np.stack([np.abs(run - told.T).max(axis=(1, 2)) for run in windows])
+    found = np.argwhere(apart <= ALIKE * max(np.ptp(actions), 1e-12))  # NaN is no match
+    if not len(found):
         raise UsageError(
             f"episode {episode!r} of the recording ran commands that the population did not",
             expected="the population's own command bank on the robot",
             do="use --distance one_sided, or run the bank's commands on the robot",
         )
-    return int(found[0]), int(found[1])
+    return [(int(run), int(row)) for run, row in found]

@@ -144,7 +144,7 @@ def _terms(robot: Robot, between: tuple[str, str]) -> tuple[Term, Term]:
 def _lengths(robot: Robot, seconds: float) -> list[tuple[int, int]]:
     """(commands, episodes) to try: short episodes, and long ones for what changes slowly."""
     longest = robot.file.replay.horizon or LONG  # a diagnosis sees no more at once
-    if longest * robot.rate < FEWEST:
+    if round(longest * robot.rate) < FEWEST:
         raise RobotError(
             f"a replay of robot {robot.name!r} holds {longest * robot.rate:.3g} commands ({longest:g} s at"
             f" {robot.rate:g} Hz)",

@@ -161,7 +161,7 @@ def _hanging(
             f"leg {leg!r} of robot {robot.name!r} passes its stops, or diverges, in {(~usable).sum()} of the"
             f" {len(usable)} patterns that were tried",
             expected=f"{TESTS} slow and {each} fast ones that it can follow",
-            do="lower the limits of its actions in robot.toml, or ask for fewer seconds",
+            do="narrow the limits of its actions in robot.toml, or ask for fewer seconds",
         )
     fast = _picked(nats, fast, each, begun=slow[:1])
     twice, last = [slow[0], *fast[:-1]], [slow[1], fast[-1]]

@@ -1,4 +1,4 @@
-"""Commands as a robot plays them: episode after episode, each closed by a row that leaves the robot at rest."""
+"""Commands as a robot plays them, episode after episode. A last row holds targets and sets all else to 0."""
 
 from collections.abc import Mapping, Sequence
 

@@ -14,7 +14,7 @@ from dynreg.sim.layout import Layout, layout_of
 from dynreg.sim.ports import ServoLaw, servo_law
 from dynreg.sim.robot import Robot
 
-UNLIMITED = 1e5  # drives state larger limits where they have none
+UNLIMITED = 1e5  # drives state larger limits where they have none; no command is larger
 LINEAR = 1  # between the commands of two time steps: MuJoCo's `interp`
 IN_DRIVES = (
     "command_delay",

@@ -128,7 +128,7 @@ def _rows(stage: Stage, data: Data) -> int:
 
 
 def _joints(data: Data, stage: Stage) -> np.ndarray:
-    """Columns of the joints' angles that are scored. What slides has another unit: that it is left out is told."""
+    """Columns of the joints' angles that are scored. Warns of joints that slide, which are left out."""
     robot = data.robot
     scored = [
         i for i, c in enumerate(robot.file.channels) if quantity_of(c.name) == "position" and c.weight > 0
@@ -137,8 +137,8 @@ def _joints(data: Data, stage: Stage) -> np.ndarray:
     if not own or robot.planar:
         raise _untold(stage, data, "no channel of a joint's angle", "'replay' or 'velocity'")
     if others := [robot.channels[i] for i in scored if i not in own]:
-        left_out = f"stage {stage.table.name!r}: loss 'joint' is of angles: {', '.join(others)} is left out"
-        warnings.warn(f"{left_out}; loss 'replay' counts it", Assumed, 2)
+        scores = f"stage {stage.table.name!r}: loss 'joint' scores angles and leaves out {', '.join(others)}"
+        warnings.warn(f"{scores}; loss 'replay' counts them", Assumed, 2)
     return np.array(own)
 
 

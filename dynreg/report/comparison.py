@@ -71,7 +71,7 @@ def tested_words(of: Rollouts) -> str:
             if of.within == 1
             else f"those {of.within} runs, and hold for them"
         )
-        out += f"; intervals draw stretches of time within {runs} alone"
+        out += f"; intervals are over stretches of time within {runs} alone"
     return f"{out}; left out, as a simulator was fitted to it: {_some(of.left_out)}" if of.left_out else out
 
 

@@ -173,9 +173,9 @@ def _path(
 
 def _placed(values: Sequence[float], span: tuple[float, float]) -> tuple[Tick, ...]:
     """Ticks with as many digits as tell each from the next: six, and more where they lie far from zero."""
-    digits = 6
-    if len(values) > 1:
-        digits = max(digits, 1 + math.ceil(math.log10(max(map(abs, values)) / (values[1] - values[0]))))
+    digits, step = 6, values[1] - values[0] if len(values) > 1 else 0.0
+    if step > 0.0:
+        digits = min(17, max(digits, 1 + math.ceil(math.log10(max(map(abs, values)) / step))))
     return tuple(Tick(round(_percent(v, span), 2), f"{v:.{digits}g}") for v in values)
 
 

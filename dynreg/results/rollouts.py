@@ -50,8 +50,8 @@ class Rollouts(Result):
     episodes : that the rollouts are cut from. left_out : episodes, and windows such as "run[3]", that a simulator was
     fitted to. names : of the simulators, in the order in which they were asked for; gains are over the first. best :
     that with the least error in the longest rollouts; alike : those that tie with it. within : of how many runs the
-    intervals draw stretches of time, and for which alone they hold; null where they draw episodes. unscored : channels
-    of weight 0, which the error of all channels together leaves out.
+    intervals are over stretches of time, and for which alone they hold; null where they are over episodes. unscored :
+    channels of weight 0, which the error of all channels together leaves out.
     """
 
     episodes: tuple[str, ...]

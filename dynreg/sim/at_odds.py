@@ -53,7 +53,7 @@ def _actuators(robot: Robot) -> Iterator[Said]:
             )
         own = np.isin(model.actuator_trntype, JOINT) & (model.actuator_trnid[:, 0] == joint)
         if own.sum() > 1:
-            odd.append("is not the only one of its joint, and the others are told 0 for ever: keep one")
+            odd.append("is not the only one on its joint, and the others always get 0: keep one")
         for one in odd:
             yield ("actions", action.name, "name"), f"the actuator of action {action.name!r} {one}"
 
@@ -70,7 +70,7 @@ def _left_out(robot: Robot) -> Iterator[Said]:
         "limits of the joint's force (actuatorfrcrange)": model.jnt_actfrclimited[joints] != 0,
         "filters of actuators": model.actuator_dyntype[at] != NO_STATE,
         "gravity compensation": np.full(len(dofs), bool(model.body_gravcomp.any())),
-        "equality constraints": np.full(len(dofs), bool(model.neq)),
+        "equality constraints": np.full(len(dofs), bool(model.eq_active0.any())),
     }
     lacks = [what for what, where in told.items() if where.any()]
     if lacks:
@@ -84,12 +84,10 @@ def _left_out(robot: Robot) -> Iterator[Said]:
 def _bound_unseen(robot: Robot) -> Iterator[Said]:
     """Joints that a constraint binds to others, and that no channel tells: every episode begins with it violated."""
     model, layout = robot.model, layout_of(robot)
-    if not model.neq:
-        return
     seen = {*layout.position[1], *layout.action_qpos}
     free = [
         model.joint(j).name or f"joint {j}"
-        for j in range(model.njnt)
+        for j in _bound(model)
         if int(model.jnt_type[j]) in SINGLE and model.jnt_qposadr[j] not in seen
     ]
     if free:
@@ -98,3 +96,20 @@ def _bound_unseen(robot: Robot) -> Iterator[Said]:
             f"equality constraints bind joints, and no channel tells {', '.join(free)}: an episode begins with these "
             "in the reset pose, and the constraint pulls at all of them; log them and add channels",
         )
+
+
+def _bound(model: mujoco.MjModel) -> list[int]:
+    """Numbers of the joints that an active equality constraint binds: its own, or those that move its bodies."""
+    out: set[int] = set()
+    for e in np.flatnonzero(model.eq_active0):
+        ends = (int(model.eq_obj1id[e]), int(model.eq_obj2id[e]))
+        if model.eq_type[e] == mujoco.mjtEq.mjEQ_JOINT:
+            out.update(end for end in ends if end >= 0)
+        elif model.eq_type[e] in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD):
+            sites = model.eq_objtype[e] == mujoco.mjtObj.mjOBJ_SITE
+            for body in (int(model.site_bodyid[end]) if sites else end for end in ends):
+                while body > 0:
+                    first, many = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+                    out.update(range(first, first + many))
+                    body = int(model.body_parentid[body])
+    return sorted(out)

@@ -9,7 +9,7 @@ AXES = (
     "dy",
     "dtheta",
 )  # to the right [m], ahead [m], turned to the left [rad]; as the robot stood before
-FINE = np.array([1e-5, 1e-5, 1e-4])  # m, m, rad: the least by which displacements scatter: less is rounding
+FINE = np.array([1e-5, 1e-5, 1e-4])  # m, m, rad: the least scatter of a displacement; less is rounding
 
 
 @dataclass(frozen=True, eq=False)

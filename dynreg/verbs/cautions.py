@@ -17,8 +17,8 @@ FLOOR = ("x", "y")  # quantities of a base that tell where it is on the floor
 def ending(robot: Robot) -> str:
     """How the last row of each episode leaves the robot."""
     held = targets(robot)
-    rest = [what for what, some in (("holds its targets", held), ("stops the robot", ~held)) if some.any()]
-    return f"the last row of each {' and '.join(rest)}"
+    rest = (("holds its targets", held), ("sets all torques, voltages and speeds to 0", ~held))
+    return f"the last row of each {' and '.join(what for what, some in rest if some.any())}"
 
 
 def largest_steps(robot: Robot, run: Run) -> np.ndarray:
@@ -43,7 +43,7 @@ def cautions(robot: Robot, limits: Limits, run: Run, reached: np.ndarray) -> Ite
     middle = command_range(robot, reset_pose(robot)).mean(axis=1)
     for a in np.flatnonzero(moved & crowded(robot)):
         where = f"{middle[a]:.3g} {tables[a].unit}, the middle of its range"
-        yield f"{tables[a].name} goes about {where}, for it rests near an end"
+        yield f"the patterns of {tables[a].name} go about {where}, because it rests near an end"
     yield from _travel(robot, reached)
 
 

@@ -76,7 +76,7 @@ def rollouts(robot: Robot, names: tuple[str, ...], scored: Scored) -> Rollouts:
 
 def _scores(robot: Robot, names: tuple[str, ...], errors: Errors) -> Iterator[Score]:
     mean, every = errors.mean, range(len(names))
-    bounds, left = ([of(i) for i in every] for of in (errors.bounds, errors.left))
+    bounds, left = ([of(i) for i in every] for of in (errors.bounds, errors.ratio_to))
     ties = [None if i == 0 else errors.tie(i, 0) for i in every]
     labels = [(None, "spread"), *((robot.channels[c], robot.file.channels[c].unit) for c in errors.channels)]
     for at, (channel, unit) in enumerate(labels, start=-1):  # all channels together are the last column

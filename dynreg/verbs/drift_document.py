@@ -115,8 +115,8 @@ def _notes(found: Drifted, splits: int) -> tuple[str, ...]:
         )
     if both.new.outside > MUCH * (len(both.new.commands) + both.new.outside):
         out.append(
-            f"{both.new.outside} pieces of the recent recording are left out: their speeds lie beyond those that are"
-            " compared, the earlier recording's where robot.toml limits no wheel"
+            f"{both.new.outside} pieces of the recent recording are left out because their speeds are outside the"
+            " compared range. Where robot.toml limits no wheel, that range is the earlier recording's"
         )
     if found.clear and not found.rejected:
         out.append("no single cell shows the change: the pattern pools all of them")

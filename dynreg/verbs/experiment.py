@@ -49,7 +49,8 @@ def _moved(robot: Robot, reached: np.ndarray) -> list[LimitKept]:
     out = []
     for column, table in enumerate(robot.file.channels):
         owner, quantity = parts_of(table.name)
-        if (owner in robot.driven and quantity == "position") or quantity in TRAVEL:
+        own = owner not in robot.file.robot.tracked
+        if (owner in robot.driven and quantity == "position") or (own and quantity in TRAVEL):
             least, most = reached[:, 0, column].min(), reached[:, 1, column].max()
             ends = joint_range(robot, table.name)
             out.append(_kept(f"{table.name} (expected)", table.unit, *ends, least, most))

@@ -1,5 +1,7 @@
-"""Which episodes of a recording shaped a simulator: those that it was fitted to or chosen by, and those that the ones
-were fitted to that it came from."""
+"""Which episodes of a recording shaped a simulator.
+
+Its own are those that it was fitted to or chosen by. It inherits those of the simulators that it came from.
+"""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
@@ -37,8 +39,10 @@ def fitted_on(registry: "Registry", found: Simulator) -> tuple[Simulator, Docume
 def with_parts(
     registry: "Registry", found: Simulator, document: Document | None, recording: str | None
 ) -> Simulator:
-    """The simulator with what a result about the recording, else its own lineage, says that it was fitted to, and with
-    what those were fitted to that it came from."""
+    """The simulator with its own episodes and those that it inherits.
+
+    Its own are told by a result about the recording (`document`), else by its lineage.
+    """
     if recording is None:
         return found
     before = _inherited(registry, found, recording)

@@ -57,7 +57,7 @@ RECOMMENDED = {
     "calibration": "calibrated",
     "diagnosis": "diagnosed",
 }  # by a kind of result
-# by a kind of result
+# what an old word means now
 OLD = {"neighbours": "nearest", "query": "@answer", "calibration": "calibrated", "diagnosis": "diagnosed"}
 
 
@@ -72,8 +72,8 @@ class Simulator:
     fitted_to : episodes of the recording to which it was fitted, or by which it was chosen, whole or in part; empty
     where nothing says that it was, None where it was and nothing says to which. parts : of that result, by episode or
     as "episode[3]" where an episode was cut into windows; None where no result says them. asked : the options of that
-    result, by name; empty where it says none. inherited : episodes of the recording to which those were fitted that it
-    came from.
+    result, by name; empty where it says none. inherited : episodes of the recording that shaped those that it came
+    from.
     """
 
     id: str | None

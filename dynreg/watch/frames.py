@@ -89,10 +89,10 @@ def _simulated(
 
 
 def _begins(rows: Rows) -> np.ndarray:
-    """(E,) seconds from the first frame to that of each episode, with at most `REST` between two."""
+    """(E,) seconds from the first frame to that of each episode, with a row's period to `REST` between two."""
     first, last = (np.array([time[at] for time in rows.time]) for at in (0, -1))
     lengths = (last - first)[:-1]
-    rests = np.clip(np.diff(begins(first, last, REST)) - lengths, 0.0, REST)
+    rests = np.clip(np.diff(begins(first, last, REST)) - lengths, rows.period, REST)
     return np.cumsum([0.0, *(lengths + rests)])
 
 

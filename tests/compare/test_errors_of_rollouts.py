@@ -17,7 +17,7 @@ def test_without_an_interval_what_noise_or_rounding_hides_is_a_tie_all_the_same(
     """Two blocks draw no interval; before, nothing was said of any difference then."""
     first = np.array([[0.1, 1.0, 0.3], [0.1, 1.0, 0.3]])
     found = errors(np.stack([first, first + [0.009, 0.6, 0.0]]))
-    assert found.bounds(0) is None and found.left(1) is None
+    assert found.bounds(0) is None and found.ratio_to(1) is None
     assert found.tie(0, 1) == (True, None, True)
 
 
@@ -39,7 +39,7 @@ def test_nine_of_ten_intervals_hold_the_ratio_and_one_of_ten_equal_simulators_di
     for _ in range(many):
         each = np.exp(0.5 * rng.standard_normal((2, blocks, 3)))
         found = errors(each, noise=(0.0, 0.0, 0.0))
-        low, high = found.left(1)
+        low, high = found.ratio_to(1)
         held += low[0] <= 1.0 <= high[0]
         low, high = found.bounds(0)
         own += low[0] <= np.exp(0.5**2 / 2) <= high[0]
@@ -51,11 +51,11 @@ def test_an_error_of_nothing_has_no_ratio() -> None:
     each = np.ones((2, 5, 3))
     each[0, :, 0] = 0.0
     found = errors(each)
-    assert np.isnan(found.left(1)[:, 0]).all() or np.isinf(found.left(1)[:, 0]).all()
+    assert np.isnan(found.ratio_to(1)[:, 0]).all()
     assert found.tie(0, 1) == (False, True, True) and found.bounds(0)[:, 0].tolist() == [0.0, 0.0]
 
 
-def test_one_run_is_drawn_in_stretches_of_time() -> None:
+def test_one_run_counts_in_stretches_of_time() -> None:
     """Neighbouring rollouts err alike: an interval over single ones would be far too narrow."""
     rows = np.stack([np.arange(200), np.arange(200) + 1], axis=1)
     blocks, within = _blocks(np.zeros(200, dtype=int), rows[::-1])
@@ -74,7 +74,7 @@ def test_one_run_is_drawn_in_stretches_of_time() -> None:
 
 
 @pytest.mark.parametrize(("runs", "within"), [(2, 2), (3, 3), (4, None), (9, None)])
-def test_few_runs_are_drawn_in_stretches_of_each_and_many_whole(runs: int, within: int | None) -> None:
+def test_few_runs_count_in_stretches_of_each_and_many_whole(runs: int, within: int | None) -> None:
     episode = np.arange(runs).repeat(30)
     rows = np.tile(np.stack([np.arange(30), np.arange(30) + 1], axis=1), (runs, 1))
     blocks, found = _blocks(episode, rows)

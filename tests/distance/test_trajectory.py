@@ -74,3 +74,13 @@ def test_other_commands_are_refused(bank):
     ):
         told = np.stack([actions[0], actions[1] + 0.1])
         trajectory(states, actions, named(states[0, :2], told), np.ones(2))
+
+
+def test_a_held_command_is_compared_where_the_robot_was_most_like(bank):
+    """It stands in many rows of a run: the first of them was taken."""
+    states, _ = bank
+    held = np.zeros((EPISODES, STEPS, 1))
+    held[1:] = np.arange(1, EPISODES)[:, None, None]
+    piece = (states[2, 0, 20:26], held[0, 20:25])
+    found = trajectory(states, held, {"run0[20:26]": piece}, np.ones(2))
+    assert found.argmin() == 2 and found[2] == 0.0

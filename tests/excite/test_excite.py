@@ -135,7 +135,10 @@ def test_effects_of_a_base_on_wheels_are_driven_apart() -> None:
         assert kept[f"{name} rate"].high is None and kept[f"{name} rate"].unit == "rad/s^2"
     assert all((episode.values[-1, :2] == 0.0).all() for episode in recording.episodes), "wheels are stopped"
     assert kept["base/x (expected)"].least < kept["base/x (expected)"].most
-    assert "base/x from" in experiment.note and "the last row of each stops the robot" in experiment.note
+    assert (
+        "base/x from" in experiment.note
+        and "the last row of each sets all torques, voltages and speeds to 0" in experiment.note
+    )
 
 
 @pytest.mark.parametrize(

@@ -288,7 +288,7 @@ def test_a_drive_too_fast_for_the_time_step_is_named(
         (
             "</actuator>",
             '<position joint="elbow" kp="1"/></actuator>',
-            "the actuator of action 'elbow/torque' is not the only one of its joint",
+            "the actuator of action 'elbow/torque' is not the only one on its joint",
         ),
         (
             "</worldbody>",
@@ -311,3 +311,63 @@ def test_a_model_that_does_something_else_than_robot_toml_says_is_told(
     changed = text[: text.rindex(old)] + new + text[text.rindex(old) + len(old) :]
     model.write_text(changed, encoding="utf-8")
     assert any(said in message for _, message in doubts(load_robot(folder))), [*doubts(load_robot(folder))]
+
+
+def test_only_what_an_active_constraint_binds_and_nobody_logs_is_told(tmp_path: Path) -> None:
+    """A spare joint beside a weld elsewhere is no matter; a finger that mimics another begins with a jerk."""
+    xml = """<mujoco><worldbody><geom type="plane" size="1 1 0.1" pos="0 0 {height}"/>
+    <body name="hand" pos="0 0 1">{base}<geom size="0.05" mass="1"/>
+      <body><joint name="arm" axis="0 1 0"/><geom size="0.02" pos="0.1 0 0" mass="0.1"/></body>
+      <body><joint name="finger" axis="0 1 0"/><geom size="0.02" pos="0 0.1 0" mass="0.1"/></body>
+      <body><joint name="spare" axis="0 1 0"/><geom size="0.02" pos="0 -0.1 0" mass="0.1"/></body>
+    </body></worldbody><actuator><general joint="arm" biastype="affine"/></actuator>
+    <equality><joint joint1="finger" joint2="arm" active="{active}"/></equality></mujoco>"""
+    toml = """
+[robot]
+name = "hand"
+engines = ["mujoco"]
+control_rate = 50.0
+timestep = 0.002
+
+[[drives]]
+joint = "arm"
+type = "position"
+gain = 5.0
+rate_gain = 0.3
+torque_limit = 3.0
+
+[[actions]]
+name = "arm/target"
+unit = "rad"
+
+[[channels]]
+name = "arm/position"
+unit = "rad"
+noise = 0.001
+
+[[parameters]]
+name = "gain"
+unit = "1"
+nominal = 1.0
+low = 0.9
+high = 1.1
+tolerance = 0.1
+sets = ["port.drive.gain_factor *="]
+"""
+    (tmp_path / "robot.toml").write_text(toml, encoding="utf-8")
+
+    def told(**said: object) -> list[str]:
+        usual = {"active": "true", "height": 0, "base": ""}
+        (tmp_path / "model.xml").write_text(xml.format(**usual | said), encoding="utf-8")
+        return [message for _, message in doubts(load_robot(tmp_path))]
+
+    (bound,) = [message for message in told() if "equality constraints bind joints" in message]
+    assert "no channel tells finger:" in bound and "spare" not in bound
+    assert not any("equality" in message for message in told(active="false"))
+    high = [
+        message
+        for message in told(base='<freejoint name="base"/>', height=0.5)
+        if "the ground is at" in message
+    ]
+    assert len(high) == 1 and "a height of 0.5 m" in high[0]
+    assert not any("the ground is at" in message for message in told(base='<freejoint name="base"/>'))

@@ -66,4 +66,4 @@ def test_commands_without_limits_and_bases_are_told() -> None:
 
 def test_how_episodes_end() -> None:
     assert ending(load_robot("leg")) == "the last row of each holds its targets"
-    assert ending(load_robot("emps")) == "the last row of each stops the robot"
+    assert ending(load_robot("emps")) == "the last row of each sets all torques, voltages and speeds to 0"

@@ -1,4 +1,4 @@
-"""How long something stays so."""
+"""The longest run of True in an array."""
 
 import numpy as np
 
