@@ -11,7 +11,7 @@ from dynreg.sim.layout import FILTERS, layout_of
 from dynreg.sim.robot import Robot
 
 NEAR = 1e-6  # m
-PLANE, NO_STATE = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtDyn.mjDYN_NONE)
+PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
 
 
 def at_odds(robot: Robot) -> Iterator[Said]:
@@ -47,7 +47,7 @@ def _actuators(robot: Robot) -> Iterator[Said]:
         gear = float(model.actuator_gear[a, 0])
         if gear != 1.0:
             odd.append(f"has gear {gear:g}, by which MuJoCo multiplies what [[drives]] says: set it to 1")
-        if model.actuator_dyntype[a] not in (NO_STATE, *FILTERS):
+        if model.actuator_actnum[a] and model.actuator_dyntype[a] not in FILTERS:
             odd.append(
                 "has a state of its own, so it does not do what it is told at once: set dyntype to none"
             )
@@ -68,7 +68,7 @@ def _left_out(robot: Robot) -> Iterator[Said]:
     told = {
         "springs (stiffness)": model.jnt_stiffness[joints] != 0.0,
         "limits of the joint's force (actuatorfrcrange)": model.jnt_actfrclimited[joints] != 0,
-        "filters of actuators": model.actuator_dyntype[at] != NO_STATE,
+        "filters of actuators": model.actuator_actnum[at] > 0,
         "gravity compensation": np.full(len(dofs), bool(model.body_gravcomp.any())),
         "equality constraints": np.full(len(dofs), bool(model.eq_active0.any())),
     }
