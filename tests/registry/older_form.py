@@ -23,8 +23,12 @@ def fill(
     told: Any = lambda robot: {},
     periods: Any = lambda robot, values: {},
     quadruped: str | Path = "quadruped",
+    values: np.ndarray | None = None,
 ) -> None:
-    """Put them; told and periods : what newer records and shards hold besides. quadruped : the robot as it was."""
+    """Put them; told and periods : what newer records and shards hold besides. quadruped : the robot as it was.
+
+    values : (4, P) parameters; drawn by default, which another processor rounds in another way.
+    """
     robot = load_robot(quadruped)
     rng = stream(0, "older form")
     bank = {"actions": rng.normal(size=(EPISODES, STEPS, len(robot.actions)))}
@@ -44,13 +48,19 @@ def fill(
     )
     registry.put_robot(robot.files, robot.hash, robot.name)
     registry.put_population(record)
+    values = drawn(robot) if values is None else values
     for start in (0, 2):
-        registry.put_shard(POPULATION, start, _shard(robot, start, periods))
+        registry.put_shard(POPULATION, start, _shard(robot, start, values[start : start + 2], periods))
     registry.put_recording(recording(), robot.hash, "monday")
 
 
-def _shard(robot: Robot, start: int, periods: Any) -> ShardData:
-    rng, values = stream(start, "shard"), robot.space.sample(start, start + 2, 0)
+def drawn(robot: Robot) -> np.ndarray:
+    """(4, P) parameters of the entries."""
+    return np.concatenate([robot.space.sample(start, start + 2, 0) for start in (0, 2)])
+
+
+def _shard(robot: Robot, start: int, values: np.ndarray, periods: Any) -> ShardData:
+    rng = stream(start, "shard")
     return ShardData(
         values,
         rng.normal(size=(2, EPISODES, STEPS + 1, len(robot.channels))),

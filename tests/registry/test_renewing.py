@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from older_form import POPULATION, fill, recording
+from older_form import POPULATION, drawn, fill, recording
 
 import dynreg.registry.renewing as renewing
 from dynreg.errors import RegistryError, Renewed
@@ -42,10 +42,14 @@ def written_today(path: Path) -> Path:
     def periods(robot, values):
         return {"periods": log_periods(robot, values, Run(np.zeros((2, 3, len(robot.actions)))))}
 
-    shutil.unpack_archive(Path(__file__).with_name("form_2.zip"), path.with_name("then"))
-    (quadruped,) = (path.with_name("then") / "robots").iterdir()
+    then = path.with_name("then")
+    shutil.unpack_archive(Path(__file__).with_name("form_2.zip"), then)
+    (quadruped,) = (then / "robots").iterdir()
+    with pytest.warns(Renewed), Registry.open(then) as registry:
+        values = registry.load(POPULATION).values
+    np.testing.assert_allclose(values, drawn(load_robot(quadruped)), rtol=1e-12)
     with Registry.open(path, create=True) as registry:
-        fill(registry, told, periods, quadruped)
+        fill(registry, told, periods, quadruped, values)
     return path
 
 
