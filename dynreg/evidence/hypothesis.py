@@ -14,6 +14,7 @@ from dynreg.sim.effects import EffectParameter, Term, applicable, placed
 from dynreg.sim.effects.body import at_reset, body_at, carrier, driven_dofs, lever
 from dynreg.sim.ports import largest_speeds, nominal_ports, servo_law
 from dynreg.sim.robot import Robot
+from dynreg.sim.sets import is_limit
 from dynreg.sim.space import Parameter
 
 FLAT = 1 / np.sqrt(12)  # standard deviation of a uniform prior, as a share of the range: by definition
@@ -23,7 +24,6 @@ NARROW = 0.3  # relative tolerance up to which there is none
 WORTH = 0.5  # of the weak size, below which a cause is not worth a name: by contract
 SMALLEST = 1e-3  # of the medium size: an effect that is there but does nothing; none may divide by zero
 FACTOR = 3.0  # by which a shape changes over one coordinate: its prior, by definition
-UNLIMITED = 1e5  # N m: a larger torque limit stands for none; no drive has it
 LIVELY = 10.0  # rad/s^2 of a motion that asks something of such a drive: as gravity does at a metre
 
 
@@ -151,7 +151,7 @@ class Coordinates:
         mujoco.mj_solveM(model, data, inverse, np.eye(model.nv))
         inertia = (1.0 / np.diag(inverse))[driven]
         limit = law.limit[0]
-        unlimited = limit > UNLIMITED
+        unlimited = ~is_limit(limit)
         # a drive that states no limit: what it can be told, of one that is told a torque; else what gravity and a
         # lively motion ask for, next to which friction is large where links are light and gears are not
         moved = np.abs(data.qfrc_bias[driven]) + LIVELY * inertia

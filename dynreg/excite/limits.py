@@ -9,8 +9,8 @@ from dynreg.errors import RobotError
 from dynreg.sim.excitation import command_limits, command_range, outside_limits, reset_pose, targets
 from dynreg.sim.ports import Ports, nominal_ports
 from dynreg.sim.robot import Robot
+from dynreg.sim.sets import is_limit
 
-UNLIMITED = 1e5  # drives state larger limits where they have none
 INSIDE = 0.95  # of the room around their centre that patterns use at most
 CROWDED = 0.05  # of a range: less room on one side of the reset pose holds no half of a pattern
 BEYOND = 0.02  # of its range that a joint may be expected to pass its stops
@@ -136,5 +136,5 @@ def _rates(robot: Robot, ports: Ports) -> np.ndarray:
     with np.errstate(divide="ignore", invalid="ignore"):
         servo = drive["supply"] / drive["kt"]
     speed = np.where([t == "duty_servo" for t in ports.types], servo, drive["speed_limit"])
-    speed = np.where(speed < UNLIMITED, speed, np.inf)
+    speed = np.where(is_limit(speed), speed, np.inf)
     return np.minimum(speed, ports.control["max_step"][0] * robot.rate)

@@ -8,8 +8,9 @@ import numpy as np
 
 from dynreg.extend.carry import Carrier, carries
 from dynreg.sim.effects import Term
-from dynreg.sim.ports import UNLIMITED, nominal_ports, servo_law
+from dynreg.sim.ports import nominal_ports, servo_law
 from dynreg.sim.robot import Robot
+from dynreg.sim.sets import is_limit
 
 PLAIN = "mujoco.xml"
 ELSE = "mujoco_corrected.xml"
@@ -93,7 +94,7 @@ def unsaid(robot: Robot) -> list[str]:
     """
     ports = nominal_ports(robot, 1)
     fading = servo_law(ports, robot.input_defaults[None]).fade[0] > 0
-    moving = np.minimum(ports.drive["profile_speed"], ports.drive["profile_acceleration"])[0] < UNLIMITED
+    moving = is_limit(np.minimum(ports.drive["profile_speed"], ports.drive["profile_acceleration"])[0])
     integrating = ports.drive["integral_gain"][0] > 0
     means = (
         ("torque that falls with speed (`speed_limit`)", fading),

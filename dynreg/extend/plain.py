@@ -13,8 +13,9 @@ from dynreg.sim.effects import Terms
 from dynreg.sim.layout import Layout, layout_of
 from dynreg.sim.ports import ServoLaw, servo_law
 from dynreg.sim.robot import Robot
+from dynreg.sim.sets import is_limit
 
-UNLIMITED = 1e5  # drives state larger limits where they have none; no command is larger
+LARGEST = 1e5  # no command is larger
 LINEAR = 1  # between the commands of two time steps: MuJoCo's `interp`
 IN_DRIVES = (
     "command_delay",
@@ -74,7 +75,7 @@ def _shape_actuators(robot: Robot, spec: mujoco.MjSpec, layout: Layout, law: Ser
     for a, actuator in enumerate(layout.action_actuator):
         one = spec.actuators[int(actuator)]
         one.gaintype, one.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
-        one.forcelimited = int(law.limit[0, a] < UNLIMITED)
+        one.forcelimited = int(is_limit(law.limit[0, a]))
         # what pushes whatever is commanded knows no limit of the drive: the ranges move along
         push = _value(robot, terms, "force_offset", a)
         joint = spec.joint(robot.joints[a])
@@ -83,7 +84,7 @@ def _shape_actuators(robot: Robot, spec: mujoco.MjSpec, layout: Layout, law: Ser
         low, high = layout.action_range[a]
         one.ctrllimited = int(np.isfinite(low) or np.isfinite(high))
         if one.ctrllimited:  # MuJoCo knows no range with one end
-            one.ctrlrange = np.clip([low, high], -UNLIMITED, UNLIMITED)
+            one.ctrlrange = np.clip([low, high], -LARGEST, LARGEST)
         delay, lag = _value(robot, terms, "command_delay", a), _value(robot, terms, "command_lag", a)
         if (
             lag

@@ -17,6 +17,7 @@ from dynreg.gait.table import JointTable, faded
 from dynreg.sim.excitation import command_limits, reset_pose
 from dynreg.sim.gait_tables import MotionTable
 from dynreg.sim.robot import Robot
+from dynreg.sim.sets import is_limit
 
 SLACK = 1e-9  # rad, rad/s: what rounding may add
 POINTS = 128  # of a period of smooth joint angles: between them a sine of 0.6 rad is 0.2 mrad off
@@ -241,11 +242,11 @@ def _require_angles(robot: Robot, joints: Iterable[str]) -> None:
 
 def _limits(robot: Robot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(A,) lowest and highest angle [rad], of the actions or the model, and the drives' highest rate [rad/s] or inf."""
-    from dynreg.sim.ports import UNLIMITED, nominal_ports
+    from dynreg.sim.ports import nominal_ports
 
     low, high = command_limits(robot).T
     speed = nominal_ports(robot, 1).drive["speed_limit"][0]
-    return low, high, np.where(speed < UNLIMITED, speed, np.inf)
+    return low, high, np.where(is_limit(speed), speed, np.inf)
 
 
 def ranged(robot: Robot, genes: tuple[Gene, ...], table: MotionTable) -> tuple[Gene, ...]:

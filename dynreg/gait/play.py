@@ -11,7 +11,7 @@ from dynreg.data.topics import joint_states, mcap
 from dynreg.errors import UsageError
 from dynreg.gait.family import Family
 from dynreg.gait.table import JointTable, faded
-from dynreg.sim.ports import UNLIMITED
+from dynreg.sim.sets import is_limit
 
 SLACK = 1e-7  # rad, and relative: what the digits of a document may add
 SAME = 1e-9  # rad, between tables that say the same
@@ -117,9 +117,9 @@ def _table(gait: Played) -> JointTable:
 def require_own(space: Family, genes: Mapping[str, float], gait: Played) -> None:
     """UsageError where genes {name: value} cannot be run on a robot, or a gait states other limits than the robot's."""
     space.require(space.from_dict(genes))
-    # older documents state UNLIMITED for a drive without a limit
+    # older documents state a number that is no limit for a drive without one
     stated = [
-        (j.action, j.rest, j.low, j.high, None if j.speed is None or j.speed >= UNLIMITED else j.speed)
+        (j.action, j.rest, j.low, j.high, j.speed if j.speed is not None and is_limit(j.speed) else None)
         for j in gait.joints
     ]
     own = [astuple(joint) for joint in joints(space)]

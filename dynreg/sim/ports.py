@@ -15,7 +15,7 @@ from dynreg.errors import RobotError, SimulationError
 from dynreg.sim.engine import engines_with
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
-from dynreg.sim.sets import DRIVE_DEFAULTS, PORT_KEYS, Assignment, combine, matching
+from dynreg.sim.sets import DRIVE_DEFAULTS, PORT_KEYS, Assignment, combine, is_limit, matching
 
 
 @dataclass
@@ -174,7 +174,6 @@ def servo_law(ports: Ports, inputs: np.ndarray) -> ServoLaw:
     return law_of(d, {kind: types == kind for kind in TYPES}, ports.sensor, supply, on)
 
 
-UNLIMITED = DRIVE_DEFAULTS["torque_limit"]  # as speed_limit: where robot.toml states none
 TYPES = ("position", "torque", "duty_servo", "dcmotor", "speed")  # of drives that become a torque
 
 
@@ -193,7 +192,7 @@ def law_of(
     rate = np.where(position | speed, d["rate_gain"], 0.0)
     limit = np.where(duty, stall * np.maximum(supply, 0.0) * d["duty_limit"], d["torque_limit"])
     # what is not stated limits nothing
-    limited = position & (d["torque_limit"] < UNLIMITED) & (d["speed_limit"] < UNLIMITED)
+    limited = position & is_limit(d["torque_limit"]) & is_limit(d["speed_limit"])
     back = d["back_emf"] > 0.5
     damping = np.where(limited & back, d["torque_limit"] / d["speed_limit"], 0.0)
     fade = np.where(limited & ~back, 1.0 / d["speed_limit"], 0.0)

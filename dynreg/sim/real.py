@@ -19,9 +19,10 @@ from dynreg.rng import stream
 from dynreg.sim.effects import Term, Terms
 from dynreg.sim.effects.disturbance import Disturbance, Unsteadiness
 from dynreg.sim.engines import Arena, rollout
-from dynreg.sim.ports import UNLIMITED, largest_speeds, nominal_ports, servo_law
+from dynreg.sim.ports import largest_speeds, nominal_ports, servo_law
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run, Walk
+from dynreg.sim.sets import is_limit
 
 FINER = 10  # physics steps of the truth for one of the model
 DISTURBANCE = 0.005  # of the torque limit, 1 sigma, drawn anew for every command
@@ -171,7 +172,7 @@ def largest_drive(robot: Robot) -> float:
     if robot.planar:
         return float(largest_speeds(robot).mean())
     limit = servo_law(nominal_ports(robot, 1), robot.input_defaults[None]).limit[0]
-    stated = limit[limit < UNLIMITED]
+    stated = limit[is_limit(limit)]
     return float(stated.mean()) if len(stated) else 0.0
 
 

@@ -21,16 +21,17 @@ NAMES = {
     "control": ("rate", "noise", "max_step", "clock"),
     "modifier": ("link_length", "mass", "added_mass", "gravity"),
 }
+NO_LIMIT = 1e6  # of a drive: each limit that robot.toml does not state
 DRIVE_DEFAULTS = {  # of drives whose type does not have the key
     "gain": 1.0,
     "integral_gain": 0.0,
     "rate_gain": 0.0,
-    "torque_limit": 1e6,
-    "speed_limit": 1e6,
+    "torque_limit": NO_LIMIT,
+    "speed_limit": NO_LIMIT,
     "back_emf": 0.0,
     "duty_limit": 1.0,
-    "profile_speed": 1e6,
-    "profile_acceleration": 1e6,
+    "profile_speed": NO_LIMIT,
+    "profile_acceleration": NO_LIMIT,
     "duty_gain": 0.0,
     "kt": 0.0,
     "resistance": 1.0,
@@ -54,12 +55,15 @@ PORT_KEYS = {
         "yaw_drag",
     ),
 }
-
-
 FRICTION_FIELDS = {  # of the model, beside the port of that name: what is set there is the joint's whole friction
     "coulomb": "dof_frictionloss",
     "viscous": "dof_damping",
 }
+
+
+def is_limit(limit: np.ndarray | float) -> np.ndarray | bool:
+    """Whether a torque, speed or acceleration limits a drive, elementwise: it is no `NO_LIMIT`, nor a share of one."""
+    return limit < 0.1 * NO_LIMIT
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from pydantic import Field, Strict, field_validator, model_validator
 
 from dynreg.sim.engine import ENGINES
 from dynreg.sim.gait_tables import GaitTable, PosesTable, TaskTable
+from dynreg.sim.sets import NO_LIMIT
 from dynreg.sim.table import Table
 
 COMMANDS = 10_000_000  # of one simulator, in a population: 40 times those of the packaged robot that has most
@@ -92,12 +93,12 @@ class DriveTable(Table):
 
 
 _PROFILE_SPEED = Field(
-    default=1e6,
+    default=NO_LIMIT,
     gt=0,
     description="Fastest change of the target that the loop follows [rad/s]: the servo's own profile generator.",
 )
 _PROFILE_ACCELERATION = Field(
-    default=1e6, gt=0, description="Largest acceleration of that target [rad/s^2]: a trapezoid of speed."
+    default=NO_LIMIT, gt=0, description="Largest acceleration of that target [rad/s^2]: a trapezoid of speed."
 )
 
 
@@ -113,9 +114,9 @@ class PositionDrive(DriveTable):
     type: Literal["position"] = Field(description="The control law.")
     gain: float = Field(ge=0, description="Proportional gain [N*m/rad; N/m of a slide].")
     rate_gain: float = Field(default=0.0, ge=0, description="Derivative gain [N*m*s/rad].")
-    torque_limit: float = Field(default=1e6, gt=0, description="Largest torque [N*m].")
+    torque_limit: float = Field(default=NO_LIMIT, gt=0, description="Largest torque [N*m].")
     speed_limit: float = Field(
-        default=1e6,
+        default=NO_LIMIT,
         gt=0,
         description="No-load speed [rad/s]: the largest torque falls in proportion to speed and is zero there.",
     )
@@ -141,9 +142,9 @@ class PidDrive(DriveTable):
     gain: float = Field(gt=0, description="Proportional gain, P [N*m/rad; N/m of a slide].")
     integral_gain: float = Field(default=0.0, ge=0, description="Integral gain, I [N*m/rad/s].")
     rate_gain: float = Field(default=0.0, ge=0, description="Derivative gain, D [N*m*s/rad].")
-    torque_limit: float = Field(default=1e6, gt=0, description="Largest torque [N*m].")
+    torque_limit: float = Field(default=NO_LIMIT, gt=0, description="Largest torque [N*m].")
     speed_limit: float = Field(
-        default=1e6,
+        default=NO_LIMIT,
         gt=0,
         description="No-load speed [rad/s]: the largest torque falls in proportion to speed and is zero there. It "
         "limits nothing where `torque_limit` is not stated.",
@@ -159,7 +160,7 @@ class TorqueDrive(DriveTable):
 
     type: Literal["torque"] = Field(description="The control law.")
     gain: float = Field(default=1.0, description="Torque for one unit of the command [N*m; N of a slide].")
-    torque_limit: float = Field(default=1e6, gt=0, description="Largest torque [N*m].")
+    torque_limit: float = Field(default=NO_LIMIT, gt=0, description="Largest torque [N*m].")
 
 
 class DutyServo(DriveTable):
@@ -193,7 +194,7 @@ class DcMotor(DriveTable):
     type: Literal["dcmotor"] = Field(description="The control law.")
     kt: float = Field(gt=0, description="Torque constant [N*m/A].")
     resistance: float = Field(gt=0, description="Winding resistance [ohm].")
-    torque_limit: float = Field(default=1e6, gt=0, description="Largest torque [N*m].")
+    torque_limit: float = Field(default=NO_LIMIT, gt=0, description="Largest torque [N*m].")
 
 
 class SpeedDrive(DriveTable):
@@ -201,7 +202,7 @@ class SpeedDrive(DriveTable):
 
     type: Literal["speed"] = Field(description="The control law.")
     rate_gain: float = Field(gt=0, description="Torque for an error of one unit of speed [N*m*s/rad].")
-    torque_limit: float = Field(default=1e6, gt=0, description="Largest torque [N*m].")
+    torque_limit: float = Field(default=NO_LIMIT, gt=0, description="Largest torque [N*m].")
 
 
 class VelocityDrive(DriveTable):

@@ -7,8 +7,8 @@ import pytest
 
 from dynreg.evidence.hypothesis import Coordinates, Hypothesis, single_terms, worth_naming
 from dynreg.sim.effects import one_group, term
-from dynreg.sim.ports import UNLIMITED
 from dynreg.sim.robot import Robot, load_robot
+from dynreg.sim.sets import NO_LIMIT
 from dynreg.sim.spec import TorqueDrive
 
 
@@ -51,7 +51,7 @@ def test_a_tilt_is_about_the_first_hinge_where_no_other_turns_it(name, about):
 def without_limits(name: str) -> Robot:
     """A packaged robot whose drives state no torque limit."""
     robot = load_robot(name)
-    drives = [d.model_copy(update={"torque_limit": UNLIMITED}) for d in robot.file.drives]
+    drives = [d.model_copy(update={"torque_limit": NO_LIMIT}) for d in robot.file.drives]
     return replace(robot, file=robot.file.model_copy(update={"drives": drives}))
 
 

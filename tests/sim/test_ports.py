@@ -7,6 +7,7 @@ import pytest
 
 from dynreg.sim.ports import law_changes, nominal_ports, servo_law
 from dynreg.sim.robot import load_robot
+from dynreg.sim.sets import NO_LIMIT
 
 
 def test_the_law_changes_where_an_input_of_any_simulation_does():
@@ -31,3 +32,11 @@ def test_a_limit_that_is_not_stated_damps_nothing(missing: tuple[str, ...]):
     drive = type(leg.file.drives[0])(**plain)
     bare = replace(leg, file=leg.file.model_copy(update={"drives": [drive]}))
     assert not servo_law(nominal_ports(bare, 1), inputs).damping.any()
+
+
+def test_a_share_of_a_limit_that_is_not_stated_limits_nothing():
+    """As where a range of a parameter scales the torque limits of all drives, and one of them states none."""
+    leg = load_robot("leg")
+    ports, inputs = nominal_ports(leg, 1), np.ones((1, len(leg.inputs)))
+    ports.drive["torque_limit"][:] = 0.8 * NO_LIMIT
+    assert not servo_law(ports, inputs).damping.any()

@@ -5,6 +5,7 @@ import numpy as np
 from dynreg.sim.effects.effect import Effect, EffectParameter, Moment, Site, Values, drives
 from dynreg.sim.ports import nominal_ports
 from dynreg.sim.robot import Robot
+from dynreg.sim.sets import NO_LIMIT, is_limit
 
 
 class _OfTorque(Effect):
@@ -14,7 +15,9 @@ class _OfTorque(Effect):
 
     def why_not(self, robot: Robot) -> str | None:
         limited = [
-            t for t in robot.file.drives if t.type == "duty_servo" or getattr(t, "torque_limit", 1e6) < 1e5
+            t
+            for t in robot.file.drives
+            if t.type == "duty_servo" or is_limit(getattr(t, "torque_limit", NO_LIMIT))
         ]
         return None if limited and robot.actions else "no drive states a torque limit"
 

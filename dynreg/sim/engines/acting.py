@@ -11,9 +11,10 @@ from dynreg.data.names import parts_of
 from dynreg.errors import UsageError
 from dynreg.sim.effects import Effect, Moment, Site, Term, Terms, Values, effects
 from dynreg.sim.effects.integral import INTEGRAL, integral_values
-from dynreg.sim.ports import UNLIMITED, Ports, ServoLaw, slice_of
+from dynreg.sim.ports import Ports, ServoLaw, slice_of
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
+from dynreg.sim.sets import is_limit
 
 BACK = (
     0.2  # s that a drive's loop can look back on its own encoder: by contract, twice the most of any effect
@@ -108,7 +109,7 @@ def _with_profiles(active: list[Acting], robot: Robot, ports: Ports) -> list[Act
     What a drive's own profile generator does and what a hidden one does is one law.
     """
     speed, acceleration = ports.drive["profile_speed"], ports.drive["profile_acceleration"]
-    stated = ((speed < UNLIMITED) | (acceleration < UNLIMITED)).any(axis=0)
+    stated = (is_limit(speed) | is_limit(acceleration)).any(axis=0)
     generator, out = effects()["profile_speed"], list(active)
     for joint in np.flatnonzero(stated):
         reach = 0.5 * speed[:, [joint]] ** 2 / acceleration[:, [joint]]
