@@ -9,7 +9,7 @@ import pytest
 
 from dynreg.adapt.plan import Stage, StageTable
 from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.errors import UsageError
+from dynreg.errors import Assumed, UsageError
 from dynreg.methods.losses import FASTEST, joint_loss, loss_of, mean_velocities
 from dynreg.replay.data import Data, data
 from dynreg.replay.velocity import pose_columns
@@ -94,6 +94,23 @@ def test_the_robot_itself_has_the_least_loss(robot: str, loss: str) -> None:
 def test_a_loss_that_no_channel_tells_is_refused(robot: str, loss: str) -> None:
     with pytest.raises(UsageError, match=f"loss '{loss}' of '{robot}'"):
         of(recorded(load_robot(robot)), loss)
+
+
+def test_joints_that_slide_count_in_no_loss_of_angles_and_are_told() -> None:
+    """Metres and radians do not add up: as if the sliding joint had not been measured."""
+    cut = recorded(load_robot("double_pendulum"))
+    own = [i for i, name in enumerate(cut.robot.channels) if name.endswith("/position")]
+    channels = list(cut.robot.file.channels)
+    channels[own[1]] = channels[own[1]].model_copy(update={"unit": "m"})
+    sliding = replace(cut.robot, file=cut.robot.file.model_copy(update={"channels": channels}))
+    points = stream(2, "losses").uniform(size=(3, len(cut.robot.space)))
+    with pytest.warns(Assumed, match=f"leaves out {channels[own[1]].name}; loss 'replay' counts them"):
+        found = of(replace(cut, robot=sliding), "joint").of(points)
+    measured = cut.windows.measured.copy()
+    measured[..., own[1]] = np.nan
+    unmeasured = replace(cut, windows=replace(cut.windows, measured=measured))
+    np.testing.assert_allclose(found, of(unmeasured, "joint").of(points))
+    assert (np.abs(found / of(cut, "joint").of(points) - 1.0) > 0.01).all()
 
 
 def test_a_stage_that_skips_all_rows_is_refused() -> None:
