@@ -62,7 +62,7 @@ FRICTION_FIELDS = {  # of the model, beside the port of that name: what is set t
 
 
 def is_limit(limit: np.ndarray | float) -> np.ndarray | bool:
-    """Whether a torque, speed or acceleration limits a drive, elementwise: it is no `NO_LIMIT`, nor a share of one."""
+    """Whether a drive states a limit, elementwise: no `NO_LIMIT`, nor a share of it."""
     return limit < 0.1 * NO_LIMIT
 
 

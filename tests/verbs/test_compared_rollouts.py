@@ -80,9 +80,9 @@ def test_the_truth_errs_less_than_the_nominal_simulator_and_a_copy_ties(found: C
 def test_what_only_differs_by_less_than_the_sensor_tells_is_a_tie(registry: Session, robot: Robot) -> None:
     """A servo with 0.05 % more dry friction is better in each episode, by a tenth of the encoder's noise."""
     values = robot.space.as_dict(robot.space.nominal)
-    stiffer = robot.space.from_dict(values | {"coulomb_friction": 1.0005 * values["coulomb_friction"]})
+    rougher = robot.space.from_dict(values | {"coulomb_friction": 1.0005 * values["coulomb_friction"]})
     rollouts = registry.compare(
-        "bench", simulators=["nominal", put(registry, robot, stiffer, kind="near")], threads=1
+        "bench", simulators=["nominal", put(registry, robot, rougher, kind="near")], threads=1
     ).rollouts
     near = rollouts.score(rollouts.names[1], "arm/position", rollouts.horizons[-1].seconds)
     assert near.gain.low > 0 and near.tie and len(rollouts.alike) == 1
