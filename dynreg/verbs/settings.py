@@ -260,6 +260,5 @@ def taking(kind: type[Settings]) -> Callable[[Wrapped], Wrapped]:
 
 def _in_python(text: str, kind: type[Settings]) -> str:
     """A text in which the flags of a command are called as the settings that they tell."""
-    for one, how in options(kind):
-        text = re.sub(rf"(?<!\S){how.flag_of(one.name)}(?![\w-])", f"`{one.name}`", text)
-    return text
+    called = {how.flag_of(one.name): f"`{one.name}`" for one, how in options(kind)}
+    return re.sub(r"(?<!\S)--?\w[\w-]*", lambda flag: called.get(flag[0], flag[0]), text)
