@@ -39,7 +39,7 @@ from dynreg.sim.effects import Terms
 REPORT, TUNE = 20261210, 71
 FILE = RESULTS / "back_to_reality.json"
 TRIALS = 190
-SHARE = 0.4  # of the best, from which all begin
+SHARE, NEAR = 0.4, 0.05  # of the best, from which all begin, and how far off is near enough
 AGAIN = 10  # new trials of a gait
 REAL_ONLY = ("roulette", "ga", "hill", "policy")  # searches on the robot alone; the first keeps no elite
 DRAWS, ORACLE = 60, 400  # gaits among which the start is chosen, and of the search for the best
@@ -65,6 +65,11 @@ def improvement(first: float, last: float) -> float:
 def learning(genes: int, trials: int, first: float, last: float) -> float:
     """LP, of IF in percent."""
     return genes * improvement(first, last) / trials
+
+
+def apart(start: dict) -> float:
+    """How far the real speed of a start is from its share of the best."""
+    return abs(float(np.mean(start["speeds"])) / start["best"] - SHARE)
 
 
 @dataclass(frozen=True)
@@ -104,11 +109,18 @@ class Bench:
         begin = Start(len(space), rng, 10, draws[scores.argmax()], space.periodic)
         best = drive(SEARCHES["cma"].begin(begin), fit, lambda g: (g[:, 0], -g[:, 0]), Limits(ORACLE))
         top = float(np.mean(self.again(best.best, "oracle")))
-        for one in np.argsort(np.abs(scores - SHARE * top)):
+        stood = []
+        for one in np.argsort(
+            np.abs(scores - SHARE * top)
+        ):  # what scores so in the simulator may do otherwise
             speeds = self.again(draws[one], "start")
             if min(speeds) > 0.0:
-                return {"unit": draws[one].tolist(), "speeds": speeds, "best": top}
-        raise SystemExit("no gait to begin with stands")
+                stood.append({"unit": draws[one].tolist(), "speeds": speeds, "best": top})
+            if stood and apart(stood[-1]) <= NEAR:
+                break
+        if not stood:
+            raise SystemExit("no gait to begin with stands")
+        return min(stood, key=apart)
 
     def btr(self, start: np.ndarray, rules: Rules) -> dict:
         """Back to Reality, through a session."""

@@ -3,10 +3,10 @@
 Table 1 of the paper beside ours: how far mean velocities of simulated walks are from those of the real robot, over the
 walks that were fitted (A), those that were not (B), and all. Standard and largest deviation as printed there, and the
 root of the mean square, which a mean bias does not hide. The hidden robot has a second material, which no stage can
-fit, and parameters that differ from the nameplate: the row `true parameters` has these and one material, so it is what
-a model without the second one can reach. Another simulator stands where the paper has Webots: its motors follow what
-they are told as well as their speed allows, its ground is hard, and nobody tuned it. `--scale` runs a share of each
-stage's generations. Only the table of a whole run is kept.
+fit, and parameters that differ from the nameplate: the row `true parameters` has these and one material. A fit may do
+better on the walks that it sees, as other parameters make up for the material. Another simulator stands where the paper
+has Webots: its motors follow what they are told as well as their speed allows, its ground is hard, and nobody tuned it.
+`--scale` runs a share of each stage's generations. Only the table of a whole run is kept.
 """
 
 import argparse

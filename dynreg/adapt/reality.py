@@ -174,12 +174,15 @@ class _Run:
         return SEARCHES[rules.search].begin(Start(genes, rng, rules.gaits, point, self.world.periodic))
 
     def real(self, most: int) -> np.ndarray:
-        """(n, G) at most so many of the gaits that stood on the robot, the best first; else those to begin with.
+        """(n, G) at most so many gaits that stood on the robot in all of their trials, the best first.
 
-        A generation without an elite would soon lose a single one among gaits at random.
+        Gaits that were tried once are left out, as long as others stood: the best of many is a lucky one, and the
+        small steps of step 4 would fill the generation with copies of one gait. Where none stood, those to begin with.
         """
-        stood = sorted((one for one in self.tried if not one.fell), key=lambda one: -one.score)
-        return np.array([one.gait for one in stood[:most]]) if stood else self.known[:most]
+        stood = [one for one in self.tried if not one.fell]
+        stood = [one for one in stood if len(one.trials) >= self.rules.repeats] or stood
+        best = sorted(stood, key=lambda one: -one.score)[:most]
+        return np.array([one.gait for one in best]) if best else self.known[:most]
 
     def transfer(self, number: int, candidates: Sequence[tuple[np.ndarray, float | None]]) -> None:
         """Step 2: gaits are tried until enough stood, or so many fell that there is no hope, or the goal is met.

@@ -45,7 +45,8 @@ class CalibrateSettings(Settings):
     seed: int = seed()
     budget: int | None = option(
         None,
-        "Most simulations; those by which `nearest` and `synthesis` rank entries come on top.",
+        "Most simulations; those by which `nearest` and `synthesis` rank entries, and those that describe the gait of"
+        " `btr`, come on top.",
         usual="600 of a search, else its own number",
         least=1,
     )

@@ -131,11 +131,11 @@ def test_the_budget_ends_it_with_the_best_version_and_no_error(most: int, usual:
 
 
 def test_the_goal_ends_it() -> None:
-    found = run(Robot(), replace(SMALL, goal=0.85))
-    assert found.ended == "goal" and found.best.score >= 0.85
+    found = run(Robot(), replace(SMALL, goal=0.8))
+    assert found.ended == "goal" and found.best.score >= 0.8
     small = [one for one in found.tried if one.step == REFINE]
     assert small[-1] is found.best and len(found.best.trials) == SMALL.repeats
-    assert sum(one.score >= 0.85 for one in small) <= SMALL.variations + 1
+    assert sum(one.score >= 0.8 for one in small) <= SMALL.variations + 1
 
 
 @pytest.mark.parametrize("goal", [None, 2.0])
@@ -199,6 +199,33 @@ def test_seeds_are_in_the_first_generation_and_no_gait_is_tried_before_the_simul
     assert np.abs(first.gait - best).max() < 1 / 255 and first.simulated > 0.99
     without = back_to_reality(world, rules, np.empty((0, 4)), BEGIN, FREE)
     assert without.tried[0].simulated < 0.95
+
+
+def test_the_second_search_begins_with_gaits_that_stood_in_all_trials_and_with_others_at_random() -> None:
+    """Not with the single small steps about the best of the first turn: they are nearly one gait."""
+    begun: list[str] = []
+    first: list[np.ndarray] = []
+
+    def named(step: str) -> np.random.Generator:
+        begun.append(step)
+        return stream(4, "toy", step)
+
+    def seen(gaits: np.ndarray, simulators: np.ndarray) -> np.ndarray:
+        if begun[-1] == "gaits 2" and not first:
+            first.append(gaits)
+        return scores(gaits, simulators)
+
+    rules = replace(SMALL, stand=6, steps=4)
+    found = back_to_reality(World(seen, Robot(), named), rules, GAIT[None], BEGIN, FREE)
+    (generation,) = first
+    before = [one for one in found.tried if one.iteration == 1 and not one.fell]
+    whole = np.array([one.gait for one in before if len(one.trials) >= rules.repeats])
+    single = [one for one in before if len(one.trials) < rules.repeats]
+    assert len(single) >= rules.gaits > len(whole) >= rules.stand
+    near = np.abs(generation[:, None] - whole).max(axis=-1) <= 1 / 255
+    assert near.any(axis=0).all()
+    assert (~near.any(axis=1)).sum() == rules.gaits - len(whole)
+    assert generation.std(axis=0).min() > 0.1
 
 
 def test_a_bit_turns_by_the_chance_that_the_rules_say() -> None:
