@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from dynreg.data.drafting import Draft, draft_map
-from dynreg.data.names import joint_of, parts_of
+from dynreg.data.names import joint_of
 from dynreg.data.series import RawLog
 from dynreg.draft.actuators import put_drives
 from dynreg.draft.base import with_base
@@ -54,7 +54,7 @@ from dynreg.sim.mjcf import model_files, trust_model
 from dynreg.sim.robot import Robot, robot_of
 
 MODEL, MAP = "model.xml", "maps/log.toml"
-ELSEWHERE = 0.1  # rad or m by which a base may begin elsewhere than simulations do
+ELSEWHERE = 0.1  # m by which a base may begin higher or lower than simulations do
 RATES = (50.0, 100.0)  # Hz: of commands where no log tells, for arms and for robots that stand
 LEGGED = 4  # drives, other than of wheels, from which on a robot with a free base is taken for one on legs
 FALLEN = 0.4  # share of the height in which the base stands below which it has fallen
@@ -242,15 +242,15 @@ def _channels(
     gone = [name for name, _, _ in names if name in usual - {k for k, _, _ in kept}]
     if gone:
         notes.add(f"{len(gone)} channels are not in the log and left out ({listed(gone)})")
-    if base >= 0 and _places_base(model, base, told):
-        high = f"{name_of(model, base)}/z"
-        if _elsewhere(model, high, base, pose, told):
+    high = f"{name_of(model, base)}/z" if base >= 0 else ""
+    if high in told.series and _elsewhere(told.first(high), model, base, pose):
+        if _places_base(model, base, told):
             notes.add(
                 f"{high} is left out: its log begins at {told.first(high):.2g} m, where no foot is on the ground"
             )
             kept = [c for c in kept if c[0] != high]
-    elif base >= 0:
-        kept = [(n, u, 0.0 if _elsewhere(model, n, base, pose, told) else w) for n, u, w in kept]
+        else:
+            kept = [(name, unit, 0.0 if name == high else weight) for name, unit, weight in kept]
     seen = {n: sensed(told.series[n], u) for n, u, _ in kept if n in told.series}
     return channel_tables(kept, {n: s for n, s in seen.items() if s is not None})
 
@@ -261,13 +261,9 @@ def _places_base(model: mujoco.MjModel, base: int, told: Heard | None) -> bool:
     return told is not None and all(told.first(f"{joint}/{angle}") is not None for angle in ("roll", "pitch"))
 
 
-def _elsewhere(model: mujoco.MjModel, name: str, base: int, pose: np.ndarray, told: Heard) -> bool:
-    """Whether a base's heading or height begins elsewhere in the log than in simulations, which know no place."""
-    joint, quantity = parts_of(name)
-    if joint != name_of(model, base) or quantity not in ("yaw", "z") or told.first(name) is None:
-        return False
-    expected = 0.0 if quantity == "yaw" else standing_height(model, base, pose)
-    return abs(told.first(name) - expected) > ELSEWHERE
+def _elsewhere(height: float | None, model: mujoco.MjModel, base: int, pose: np.ndarray) -> bool:
+    """Whether a base begins at another height [m] in the log than in simulations, which stand on the ground."""
+    return height is not None and abs(height - standing_height(model, base, pose)) > ELSEWHERE
 
 
 def _with_map(made: Drafted, drives: Sequence[Drive], log: RawLog) -> Drafted:

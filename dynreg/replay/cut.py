@@ -5,6 +5,7 @@ import numpy as np
 from dynreg.data.recording import Recording
 from dynreg.errors import LogError
 from dynreg.replay.rows import Rows, rows_of
+from dynreg.replay.standing_place import from_the_start
 from dynreg.replay.timed import held
 from dynreg.replay.velocity import SPAN, base_velocities, pose_columns
 from dynreg.replay.windows import Windows, scales, starts
@@ -19,6 +20,7 @@ Cut = tuple[int, int, int]  # episode, first row, one past the last row
 def windows(robot: Robot, recording: Recording, rest: bool = False) -> Windows:
     """Cut a recording for replay, each window from a measured state; at most `replay.horizon` [s] long.
 
+    Where a robot on feet stands at first is taken out: see `standing_place`.
     rest : whether what is left at the end of an episode is a shorter window; errors are judged in whole ones alone.
     Of robots with control = "timed" on the grid of `timed.on_grid`, to which the windows' `rows` then belong.
     Raises LogError where the recording lacks the commands to replay or has no rows.
@@ -32,6 +34,7 @@ def windows(robot: Robot, recording: Recording, rest: bool = False) -> Windows:
             do="record longer",
         )
     actions, inputs, measured = _filled(robot, rows, cuts)
+    measured = from_the_start(robot, measured)
     velocity, before = _come_from(robot, rows, cuts)
     numbers, spans = np.array(cuts)[:, 0], np.array(cuts)[:, 1:]
     run = Run(

@@ -12,6 +12,7 @@ from dynreg.sim.beside import tracked_bodies
 from dynreg.sim.robot import Robot
 
 BASE = ("x", "y", "z", "roll", "pitch", "yaw", "vx", "vy", "vz", "wx", "wy", "wz")
+TURN = 2.0 * np.pi  # rad
 FILTERS = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))  # what smooths a command
 
 
@@ -108,6 +109,19 @@ def observe(layout: Layout, qpos: np.ndarray, qvel: np.ndarray, channels: int) -
     if len(columns):
         states[..., columns] = base_motion(layout, qpos, qvel)[..., which]
     return states
+
+
+def headed(layout: Layout, states: np.ndarray, first: np.ndarray | None) -> None:
+    """Let the base's heading in states (n, T+1, S) go on beyond half a turn, as in a log, in place.
+
+    first : (n, S) measured states that they begin with, which tell the turn; None for that around 0.
+    """
+    columns = layout.base[0][layout.base[1] == BASE.index("yaw")]
+    with np.errstate(invalid="ignore", over="ignore"):  # of a simulation that diverged
+        yaw = np.unwrap(states[..., columns], axis=1)
+        if first is not None:
+            yaw += TURN * np.round(np.nan_to_num(first[:, None, columns] - yaw[:, :1]) / TURN)
+    states[..., columns] = yaw
 
 
 def base_motion(layout: Layout, qpos: np.ndarray, qvel: np.ndarray) -> np.ndarray:

@@ -47,11 +47,13 @@ def walked(text: str, lifted: float = 0.0) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def drafted(folder: Path, lifted: float = 0.0):
+def drafted(folder: Path, lifted: float = 0.0, turned: float = 0.0, without: tuple[str, ...] = ()):
     floor = '<worldbody>\n    <geom name="floor" type="plane" size="5 5 0.1"/>'
     text = strangers.quadruped().replace("<worldbody>", floor, 1)
     (folder / "dog.xml").write_text(text)
-    walked(text, lifted).to_csv(folder / "run.csv", index=False)
+    log = walked(text, lifted).drop(columns=[f"base_{name}" for name in without])
+    log["base_yaw"] += turned
+    log.to_csv(folder / "run.csv", index=False)
     made = strangers.draft(folder / "dog.xml", "dog", log=read_log(folder / "run.csv"))
     for name, content in made.files.items():
         (folder / "dog" / name).parent.mkdir(parents=True, exist_ok=True)
@@ -81,6 +83,21 @@ def test_a_height_of_another_origin_is_left_out(tmp_path):
     cut = data(robot, recording, "0")
     error = errors(Replayer(robot, cut.windows, 1).residuals(robot.space.nominal[None], cut.parts.chosen))
     assert error.max() < 0.2  # its lowest foot touches the ground
+
+
+def test_without_an_attitude_the_place_and_heading_of_a_log_do_not_matter_and_its_height_does_not_count(
+    tmp_path,
+):
+    """A replay begins in the keyframe's pose, at the origin; its height alone hangs on where the origin is."""
+    made, robot = drafted(tmp_path, lifted=1.0, turned=2.0, without=("roll", "pitch", "x"))
+    weights = {c.name.partition("/")[2]: c.weight for c in robot.file.channels if c.name.startswith("base/")}
+    assert robot.file.reset.base == "keyframe" and weights["z"] == 0.0 and weights["yaw"] > 0.0
+    recording = read_recording(
+        tmp_path / "run.csv", robot.recording_spec, parse_map(made.files[made.map].decode())
+    )
+    cut, yaw = data(robot, recording), robot.channels.index("base/yaw")
+    states = Replayer(robot, cut.windows, 1).states(robot.space.nominal[None], np.arange(len(cut.windows)))
+    assert np.abs(states[0, ..., yaw] - cut.windows.measured[..., yaw]).max() < 0.1
 
 
 def test_placing_a_base_undoes_observing_it(tmp_path):

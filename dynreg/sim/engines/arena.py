@@ -24,7 +24,7 @@ from dynreg.sim.engines.mujoco_model import (
 )
 from dynreg.sim.engines.mujoco_reset import foot_spheres, named_geoms, reset
 from dynreg.sim.engines.mujoco_steps import Drives, EffectSteps, Steps, busy_simulations
-from dynreg.sim.layout import Layout, base_motion, filters, observe
+from dynreg.sim.layout import Layout, base_motion, filters, headed, observe
 from dynreg.sim.ports import law_changes, servo_law
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run, Simulated, Walk
@@ -95,6 +95,7 @@ class Simulations:
         states = observe(
             self.layout, np.swapaxes(trace_q, 0, 1), np.swapaxes(trace_v, 0, 1), len(self.robot.channels)
         )
+        headed(self.layout, states, run.initial)
         states = self.logged(states)
         states[diverged(np.swapaxes(trace_v, 0, 1))] = np.nan
         down = np.zeros(trace_q.shape[:2], dtype=bool)

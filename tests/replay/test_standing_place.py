@@ -1,0 +1,88 @@
+"""A robot on feet is replayed from where it stands and looks at first, and its heading may pass half a turn."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynreg.data.recording import Channel, Episode, Recording
+from dynreg.replay.cut import windows
+from dynreg.replay.standing_place import from_the_start
+from dynreg.replay.windows import Replayer, errors
+from dynreg.sim.engines import rollout
+from dynreg.sim.robot import Robot, load_robot
+from dynreg.sim.run import Run
+
+STEPS = 30
+
+
+def placed(robot: Robot) -> Robot:
+    """It begins where the log says."""
+    table = robot.file.reset.model_copy(update={"base": "measured"})
+    return replace(robot, file=robot.file.model_copy(update={"reset": table}))
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot("quadruped")
+
+
+@pytest.fixture(scope="module")
+def run(robot: Robot) -> Run:
+    """Commands by which it stumbles on the spot."""
+    t = np.arange(STEPS) / robot.rate
+    phase = np.random.default_rng(5).uniform(0.0, 2.0 * np.pi, len(robot.actions))
+    return Run(0.2 * np.sin(4.0 * np.pi * t[:, None] + phase)[None], period=1.0 / robot.rate)
+
+
+def column(robot: Robot, quantity: str) -> int:
+    return robot.channels.index(f"base/{quantity}")
+
+
+def logged(robot: Robot, run: Run, states: np.ndarray) -> Recording:
+    """What a log of states (T+1, S) under the commands holds."""
+    table = np.hstack([states, np.vstack([run.actions[0], run.actions[0, -1:]])])
+    channels = tuple(Channel(c.name, c.unit) for c in (*robot.file.channels, *robot.file.actions))
+    return Recording(channels, (Episode("one", np.arange(len(states)) / robot.rate, table),))
+
+
+def missed(robot: Robot, recording: Recording) -> float:
+    """The replay error of the nominal simulator."""
+    cut = windows(robot, recording)
+    values = robot.space.nominal[None]
+    return float(errors(Replayer(robot, cut).residuals(values, np.arange(len(cut)))).max())
+
+
+@pytest.mark.parametrize("heading", [0.0, 2.0, -3.0, 9.0])
+def test_the_true_simulator_leaves_nothing_whichever_way_the_robot_looked(
+    robot: Robot, run: Run, heading: float
+) -> None:
+    states = rollout(robot, robot.space.nominal[None], run).states[0, 0]
+    turned = states.copy()
+    turned[:, column(robot, "yaw")] += heading
+    assert missed(robot, logged(robot, run, turned)) < 1e-3
+    assert missed(robot, logged(robot, run, states + 0.1 * np.arange(len(states))[:, None])) > 0.1
+
+
+def test_what_begins_at_the_origin_but_for_noise_stays_as_it_was_measured(robot: Robot) -> None:
+    rows = np.random.default_rng(1).normal(size=(2, 5, len(robot.channels)))
+    yaw = column(robot, "yaw")
+    rows[0, 0, yaw], rows[1, 0, yaw] = 2.0 * robot.sensor_noise[yaw], 1.0
+    out = from_the_start(robot, rows)
+    assert (out[0] == rows[0]).all() and out[1, 0, yaw] == 0.0
+    others = np.delete(np.arange(len(robot.channels)), yaw)
+    assert (out[..., others] == rows[..., others]).all()
+    assert from_the_start(placed(robot), rows) is rows
+
+
+@pytest.mark.parametrize("heading", [4.0, 3.0, -9.0])
+def test_a_heading_goes_on_beyond_half_a_turn_from_the_turn_in_which_it_was_measured(
+    robot: Robot, run: Run, heading: float
+) -> None:
+    measured, yaw = placed(robot), column(robot, "yaw")
+    start = rollout(robot, robot.space.nominal[None], run).states[0, :, 0].copy()
+    start[:, column(robot, "wz")] = 6.0
+    start[:, yaw] = heading
+    states = rollout(measured, robot.space.nominal[None], replace(run, initial=start)).states[0, 0]
+    assert states[0, yaw] == pytest.approx(heading)
+    assert states[-1, yaw] > heading + 0.4 and np.abs(np.diff(states[:, yaw])).max() < 0.3
