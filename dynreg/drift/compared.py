@@ -10,10 +10,13 @@ from dynreg.errors import LogError
 from dynreg.rng import stream
 from dynreg.sim.robot import Robot
 from dynreg.timed.cells import Grid, Pieces, pieces
+from dynreg.timed.commands import Commands
 from dynreg.timed.reference import Reference, fitted, on_the_way
 from dynreg.timed.table import Rules
 from dynreg.timed.told import Told, told
 from dynreg.timed.wheels import law_of
+
+STILL = 0.1  # of the fastest wheel speed that is compared: a slower wheel is taken for still
 
 
 @dataclass(frozen=True)
@@ -49,6 +52,23 @@ class Compared:
     new: Pieces
     old_off: np.ndarray
     new_off: np.ndarray
+
+    @property
+    def alike(self) -> float:
+        """The share, by pieces, of how both were driven: each wheel ahead, back or still, now and just before."""
+        old, new = (
+            _ways(p.commands, STILL * max(-self.grid.low, self.grid.high)) for p in (self.old, self.new)
+        )
+        many = 1 + max(old.max(), new.max())
+        shares = [np.bincount(ways, minlength=many) / len(ways) for ways in (old, new)]
+        return float(np.minimum(*shares).sum())
+
+
+def _ways(commands: Commands, still: float) -> np.ndarray:
+    """(n,) a number for each way of driving. still : wheel speed [m/s] up to which a wheel is taken for still."""
+    columns = (commands.left, commands.right, commands.left_before, commands.right_before)
+    signs = np.array([np.sign(c) * (np.abs(c) > still) for c in columns]).astype(int) + 1
+    return np.ravel_multi_index(tuple(signs), (3,) * len(columns))
 
 
 def compared(robot: Robot, recent: Held, earlier: Held, plan: Plan) -> Compared:

@@ -14,6 +14,7 @@ from dynreg.timed.drift import Shifts
 from dynreg.timed.patterns import HIGHEST, LOWEST
 
 UNITS = ("m", "m", "rad")
+ALIKE = 0.5  # of the driving: less is told
 MUCH = 0.1  # of the pieces: so many that are left out are told
 NOT_SPLIT = {"splits": 0, "by": None, "tests": None, "one_by_one": None, "alarms": None}
 
@@ -117,6 +118,12 @@ def _notes(found: Drifted, splits: int) -> tuple[str, ...]:
         out.append(
             f"{both.new.outside} pieces of the recent recording are left out because their speeds are outside the"
             " compared range. Where robot.toml limits no wheel, that range is the earlier recording's"
+        )
+    if found.verdict == "moved" and both.alike < ALIKE:
+        out.append(
+            f"{100 * both.alike:.0f} % of the driving is alike in both (each wheel ahead, back or still, now and just"
+            " before): what the reference does not know, such as slip, then looks like a change. To be sure, drive as"
+            " in the earlier recording"
         )
     if found.clear and not found.rejected:
         out.append("no single cell shows the change: the pattern pools all of them")

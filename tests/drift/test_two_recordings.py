@@ -60,6 +60,17 @@ def test_what_changed_is_named_with_its_factor(
     assert f"{pattern} x" in str(result)
 
 
+def test_a_change_between_drives_that_are_not_alike_is_told_with_a_doubt(
+    diffdrive: Robot, before: Recording, slower: Recording
+) -> None:
+    """Straight drives are a small part of those to which the reference was fitted."""
+    alike = found(diffdrive, before, slower)
+    assert alike.verdict == "moved" and not [n for n in alike.notes if "of the driving is alike" in n]
+    straight = found(diffdrive, before, logged(robot("left wheel", 0.8), 2, like="straight"))
+    (note,) = [n for n in straight.notes if "of the driving is alike" in n]
+    assert straight.verdict == "moved" and 0 < int(note.split(" %")[0]) < 50
+
+
 def test_the_interval_holds_as_often_as_it_says(diffdrive: Robot) -> None:
     """95 % of twelve: fewer than ten would be one case in fifty."""
     held = 0
