@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 import dynreg.registry.disk as disk
-from dynreg.errors import CorruptError, RegistryError, UsageError
+from dynreg.errors import CorruptError, LimitError, RegistryError, UsageError
 
 CONTENTS = ("shards", "populations", "recordings", "robots", "measured", "simulators", "results")
 INDEX = "index"  # what indexes computed; the catalogue knows nothing of it
@@ -203,7 +203,11 @@ def unreadable(path: object, error: Exception | str) -> RegistryError:
     """The error for a stored file that cannot be read: a CorruptError, unless it is the disk or a right that fails.
 
     path : of the file, or what prints as where it lies.
+
+    Raises `error` itself where it tells of no damage: a sound file may ask for more than a limit or the memory allows.
     """
+    if isinstance(error, LimitError | MemoryError):
+        raise error
     if isinstance(error, OSError) and error.errno not in _NO_SUCH_FILE:
         return RegistryError(
             f"{str(path)!r} cannot be read: {error.strerror}",
