@@ -337,6 +337,17 @@ def of_effects(record: PopulationRecord) -> bool:
     return record.spec.get("kind") == EFFECTS
 
 
+def require_models(record: PopulationRecord) -> None:
+    """UsageError for a population of effects, where one whose simulators have models is meant."""
+    if of_effects(record):
+        raise UsageError(
+            f"population {record.id[:12]} has effects under the commands of one recording, and no models",
+            expected="a population whose simulators have models",
+            do="name another, ask `dynreg query` what the recording looks like, or take a simulator with its effect "
+            "by `dynreg export ENTRY --as robot`",
+        )
+
+
 def named_effects(asked: Recorded, ref: str | None) -> PopulationRecord | None:
     """The population of effects that is meant: `ref`, or the only one under this recording where no other is there.
 
@@ -363,12 +374,7 @@ def population_for(asked: Recorded, ref: str | None) -> tuple[str, int]:
         record = _only_population(asked)
     else:
         record = registry.population(registry.resolve(ref, ("population",))[1])
-        if of_effects(record):
-            raise UsageError(
-                f"population {record.id[:12]} has effects under the commands of one recording, and no models",
-                expected="a population whose simulators have models",
-                do="name another, or ask `dynreg query` what the recording looks like",
-            )
+        require_models(record)
         if record.robot_hash != asked.robot.hash:
             _tell_other(asked, record)
     count = registry.count(record.id)
