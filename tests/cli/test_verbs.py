@@ -59,6 +59,12 @@ def test_populate_passes_its_options_on(dynreg, session) -> None:
     assert named == told | {"progress": named["progress"]}
 
 
+def test_a_population_beyond_the_limit_makes_no_registry(dynreg, session, monkeypatch) -> None:
+    monkeypatch.setenv("DYNREG_MAX_ENTRIES", "1000")
+    ended = dynreg("populate", "servo_pendulum", "-n", 2000)
+    assert ended.status == 2 and "at most 1000" in ended.err and session.asked == [] and not session.created
+
+
 def test_a_population_of_a_robot_with_a_recording_is_asked_about_it_next(dynreg, session) -> None:
     told = "populate servo_pendulum -n 8".split()
     assert "next: dynreg ingest LOG --robot servo_pendulum" in dynreg(*told).out
