@@ -110,7 +110,6 @@ def _read(paths: list[Path], robot: "Robot", log_map: "str | Path | LogMap | Non
 
 
 EFFECTS = "effects"  # the kind of a population whose entries carry one effect each
-_SAME_RATE = 0.01  # how far the rate of a recording may be from that of a robot
 
 
 @dataclass(frozen=True)
@@ -222,6 +221,8 @@ def lacking(recording: "Recording", robot: "Robot") -> list[str]:
 
     No setting is among it: `ingest` takes a log that lacks some, and its nominal value is used.
     """
+    from dynreg.data.recording import SAME_RATE
+
     spec = robot.recording_spec
     units = {channel.name: channel.unit for channel in recording.channels}
     kinds = {"state": "channel", "action": "command", "input": "input", "enable": "input"}
@@ -232,7 +233,7 @@ def lacking(recording: "Recording", robot: "Robot") -> list[str]:
         if units.get(c.name, c.unit) != c.unit
     ]
     rate = recording.rate
-    if spec.rate is not None and rate is not None and abs(rate / spec.rate - 1) > _SAME_RATE:
+    if spec.rate is not None and rate is not None and abs(rate / spec.rate - 1) > SAME_RATE:
         out.append(f"rows at {spec.rate:g} Hz (it has {rate:.4g} Hz)")
     return out
 
