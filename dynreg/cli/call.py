@@ -16,7 +16,7 @@ from dynreg.cli.help import VerbHelp
 from dynreg.cli.told import parameters, told
 from dynreg.errors import RobotError, UsageError, command
 from dynreg.foreign import visible
-from dynreg.session import DEFAULT
+from dynreg.session import DEFAULT, place
 from dynreg.verbs.settings import Settings
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ class Call:
     @property
     def registry(self) -> Path:
         """The registry directory that the flags and settings name."""
-        return self.shared.registry or self.settings.registry or Path(DEFAULT)
+        return place(self.shared.registry or self.settings.registry)
 
     @property
     def quiet(self) -> bool:

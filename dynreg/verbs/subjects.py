@@ -17,6 +17,7 @@ from dynreg.errors import (
     RobotError,
     UsageError,
 )
+from dynreg.folder import expanded
 from dynreg.registry import PopulationRecord, RecordingInfo, Registry, ResultRecord, RobotInfo
 from dynreg.results.result import Result
 from dynreg.results.stored import RecordingSummary
@@ -52,8 +53,8 @@ def loaded_robot(
 
 def _exists(path: str | Path) -> bool:
     try:
-        return Path(path).expanduser().exists()
-    except (OSError, RuntimeError, ValueError):
+        return expanded(path).exists()
+    except (OSError, ValueError):
         return False
 
 
