@@ -193,6 +193,8 @@ def try_lock(path: Path, create: bool = True) -> Iterator[bool]:
         except BlockingIOError:
             yield False
             return
+        except OSError as error:
+            raise disk.refused("lock", path, error) from error
         # The holder before us may have removed the name between our open and our lock.
         yield _same_file(descriptor, path)
     finally:
