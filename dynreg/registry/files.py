@@ -147,6 +147,11 @@ def is_temporary(name: str) -> bool:
     return name.startswith(".") and _TEMPORARY in name
 
 
+def is_litter(name: str) -> bool:
+    """True for names of files that a file manager, of macOS or of Windows, leaves in a folder that it shows."""
+    return name in (".DS_Store", "Thumbs.db", "desktop.ini") or name.startswith("._")
+
+
 def sweep(root: Path) -> int:
     """Remove the temporary files and folders of writers that are gone; returns how many.
 
