@@ -17,11 +17,13 @@ from dynreg.data.transitions import filled
 class RecordingPart:
     """A stored recording, read when it is asked for.
 
-    path : of its Parquet file. identity : its id. inputs, settings : values where the log has none, by name.
+    path : of its Parquet file. identity : its id. robot : hash of the robot that tells columns, inputs and settings.
+    inputs, settings : values where the log has none, by name.
     """
 
     path: Path
     identity: str
+    robot: str
     columns: Columns
     inputs: Mapping[str, float]
     settings: Mapping[str, float]

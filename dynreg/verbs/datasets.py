@@ -81,7 +81,8 @@ def _wanted(
 def _measured(registry: Registry, identity: str, robot: "Robot") -> RecordingPart:
     inputs = dict(zip(robot.inputs, robot.input_defaults.tolist(), strict=True))
     settings = {setting.name: setting.nominal for setting in robot.file.settings}
-    return RecordingPart(registry.recording_path(identity), identity, columns_of(robot), inputs, settings)
+    path = registry.recording_path(identity)
+    return RecordingPart(path, identity, robot.hash, columns_of(robot), inputs, settings)
 
 
 def _normaliser(records: Sequence[PopulationRecord]) -> Normaliser | None:
