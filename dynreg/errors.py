@@ -101,6 +101,10 @@ class CorruptError(RegistryError):
     exit_status = 3
 
 
+class LimitError(RegistryError):
+    """Stored data, or data to store, of more than a limit or the memory allows: they may be sound, so none is lost."""
+
+
 class DiffersError(RegistryError):
     """Content that is another one than is stored under the same id or number."""
 

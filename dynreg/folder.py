@@ -43,6 +43,17 @@ class Folder:
             (path / name).write_bytes(data)
 
 
+def expanded(path: str | Path) -> Path:
+    """A path as a user typed it, with `~` for a home, unless a file or folder of that very name is there."""
+    typed = Path(path)
+    if not str(typed).startswith("~") or typed.exists():
+        return typed
+    try:
+        return typed.expanduser()
+    except RuntimeError:  # of a user whom this machine does not know
+        return typed
+
+
 def is_hashed(name: str) -> bool:
     """Whether a robot's hash covers the file with this path below its folder.
 

@@ -18,7 +18,7 @@ class Limits:
 
     rows: int = 100_000_000  # samples of one signal, rows of one table
     columns: int = 100_000  # columns of one table, signals of one log
-    numbers: int = 250_000_000  # numbers that are kept of one log, 8 to 16 bytes each
+    numbers: int = 250_000_000  # numbers kept of one log, one recording or one shard, 8 to 16 bytes each
     messages: int = 100_000_000  # messages of one log
     types: int = 1000  # kinds of messages of one log, for each of which a decoder is made
     items: int = 4_000_000  # items of all lists in one message

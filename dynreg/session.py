@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dynreg.folder import expanded
 from dynreg.progress import Progress
 from dynreg.verbs.calibrate import CalibrateSettings, calibrate, require_door
 from dynreg.verbs.compare import CompareSettings, compare
@@ -66,15 +67,19 @@ DEFAULT = "dynreg-registry"
 _CALIBRATE = Verb(calibrate, CalibrateSettings, "recording", several=True, keeps=True)
 
 
+def place(path: str | Path | None) -> Path:
+    """Where the registry is: `path`, else DYNREG_REGISTRY, else ./dynreg-registry, with `~` for a home."""
+    return expanded(path or os.environ.get("DYNREG_REGISTRY") or DEFAULT)
+
+
 def open(path: str | Path | None = None, *, create: bool = True) -> "Session":
-    """Open the registry at `path`, else at DYNREG_REGISTRY, else ./dynreg-registry; make it where it is new.
+    """Open the registry at `path`, by default that of `place`; make it where it is new.
 
     Raises RegistryError where there is none (with create=False) or the place cannot be used.
     """
     from dynreg.registry import Registry
 
-    where = Path(path or os.environ.get("DYNREG_REGISTRY") or DEFAULT)
-    return Session(Registry.open(where, create=create))
+    return Session(Registry.open(place(path), create=create))
 
 
 def share(path: str | Path | None = None, *, catalog: str, blobs: str, rebuild: bool = False) -> "Session":
@@ -89,7 +94,7 @@ def share(path: str | Path | None = None, *, catalog: str, blobs: str, rebuild: 
     from dynreg.registry import Registry
     from dynreg.verbs.verify import rebuilt
 
-    where = Path(path or os.environ.get("DYNREG_REGISTRY") or DEFAULT)
+    where = place(path)
     if rebuild:
         rebuilt(where, catalog, blobs)
     return Session(Registry.share(where, catalog, blobs))

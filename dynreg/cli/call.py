@@ -3,6 +3,7 @@
 import functools
 import inspect
 import os
+import shlex
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from dynreg.cli.help import VerbHelp
 from dynreg.cli.told import parameters, told
 from dynreg.errors import RobotError, UsageError, command
 from dynreg.foreign import visible
-from dynreg.session import DEFAULT
+from dynreg.session import DEFAULT, place
 from dynreg.verbs.settings import Settings
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ class Call:
     @property
     def registry(self) -> Path:
         """The registry directory that the flags and settings name."""
-        return self.shared.registry or self.settings.registry or Path(DEFAULT)
+        return place(self.shared.registry or self.settings.registry)
 
     @property
     def quiet(self) -> bool:
@@ -124,13 +125,21 @@ class Call:
 
         return progress_bars(not self.quiet, faster)
 
+    def here(self, text: str) -> str:
+        """A text that ends in a dynreg command, with the registry that a flag named where the command names none."""
+        given = self.shared.registry
+        if given is None or "dynreg " not in text or "--registry" in text:
+            return text
+        typed, sign, remark = text.partition("  # ")
+        return f"{typed} {shlex.join(('--registry', str(given)))}{sign}{remark}"
+
     def emit(
         self, result: "Result", shown: Any | None = None, hint: str | Sequence[str] | None = None
     ) -> None:
         """Print a result: its JSON document, or what is `shown` (else its tables) and a next-step hint.
 
-        hint : what comes next, or several of which one comes next, a line each. Raises the error that its room ends
-        with, where it answers that nothing fits or works.
+        hint : what comes next, or several of which one comes next, a line each; a command is completed by `here`.
+        Raises the error that its room ends with, where it answers that nothing fits or works.
         """
         from dynreg.cli.output import console
         from dynreg.report.tables import refusal, render
@@ -141,10 +150,8 @@ class Call:
             out = console()
             out.print(render(result) if shown is None else shown)
             if hint and not self.quiet:
-                first, *others = [hint] if isinstance(hint, str) else hint
-                out.print(
-                    "\n".join([f"next: {visible(first)}", *(f"  or: {visible(one)}" for one in others)])
-                )
+                first, *others = (visible(self.here(h)) for h in ([hint] if isinstance(hint, str) else hint))
+                out.print("\n".join([f"next: {first}", *(f"  or: {one}" for one in others)]))
         if (problem := refusal(result)) is not None:
             raise problem
 

@@ -1,11 +1,10 @@
 """What a shell offers after TAB for robots, recordings and the other names in a registry."""
 
-import os
 import re
 from collections.abc import Callable, Collection
 from pathlib import Path
 
-from dynreg.session import DEFAULT
+from dynreg.session import place
 
 MOST_OFFERED = 1000  # names: more help nobody to choose
 _PLAIN = re.compile(r"[\w@%+=:,./-]+")
@@ -46,7 +45,7 @@ def _names(kind: str, incomplete: str) -> list[str]:
     import sqlite3
 
     table = {"recording": "recording_names", "population": "populations"}[kind]
-    catalog = Path(os.environ.get("DYNREG_REGISTRY") or DEFAULT) / "catalog.sqlite"
+    catalog = place(None) / "catalog.sqlite"
     if not catalog.is_file():
         return []
     try:

@@ -6,7 +6,6 @@ from typing import Annotated
 import typer
 
 from dynreg.cli.call import Call
-from dynreg.errors import command
 
 
 def import_(
@@ -23,5 +22,4 @@ def import_(
     """
     with call.open(create=True) as session, call.progress() as progress:
         result = session.import_registry(source, progress=progress)
-    given = call.shared.registry
-    call.emit(result, hint=command("list", *(() if given is None else ("--registry", given))))
+    call.emit(result, hint="dynreg list")

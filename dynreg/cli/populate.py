@@ -7,7 +7,7 @@ import typer
 from dynreg.cli.call import Call
 from dynreg.cli.options import RobotFolder
 from dynreg.errors import command
-from dynreg.verbs.populate import PopulateSettings
+from dynreg.verbs.populate import PopulateSettings, check_count
 from dynreg.verbs.settings import Option
 
 
@@ -25,6 +25,7 @@ def populate(
     Example: dynreg populate servo_pendulum -n 1000
     """
     Option("A number.", least=1).check("-n", n)
+    check_count(n)
     call.robot(robot, settings.ranges)  # a mistake here makes no registry
     with call.open(create=True) as session, call.progress() as progress:
         result = session.populate(robot, n, **vars(settings), progress=progress)

@@ -34,12 +34,14 @@ def rm(
     """
     with call.open() as session:
         planned = session.remove(refs, dry_run=True)
+        # By id: @last or a name may have become another thing meanwhile.
+        asked_for = [one.id for one in planned.items if "needs" not in one.detail]
         if not yes:
-            call.emit(planned, hint=None if _on_terminal(call) else command("rm", *refs, "--yes"))
+            again = command("rm", *(identity[:12] for identity in asked_for), "--yes")
+            call.emit(planned, hint=None if _on_terminal(call) else again)
             if not _on_terminal(call) or not typer.confirm("remove all of this?", err=True):
                 return
-        asked_for = [one.id for one in planned.items if "needs" not in one.detail]
-        result = session.remove(asked_for)  # by id: @last or a name may have become another thing meanwhile
+        result = session.remove(asked_for)
     call.emit(result, hint="dynreg gc")
 
 

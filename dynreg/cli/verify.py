@@ -34,12 +34,10 @@ def verify(
     call.emit(result, hint=None if result.clean or repaired else "dynreg verify --repair")
     left = result.lost if repaired else result.faults
     if left:
+        mend = f"`{call.here('dynreg verify --repair')}`"
+        look = f"`{call.here('dynreg verify --dry-run')}` to see what a repair would do, then {mend}"
         raise CorruptError(
             f"{count(len(left), 'fault')}, the first: {left[0]}",
             expected="every stored file as it was registered",
-            do="populate or ingest again what was lost"
-            if repaired
-            else "run `dynreg verify --repair`"
-            if dry_run
-            else "run `dynreg verify --dry-run` to see what a repair would do, then `dynreg verify --repair`",
+            do="populate or ingest again what was lost" if repaired else f"run {mend if dry_run else look}",
         )

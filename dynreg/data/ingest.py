@@ -25,6 +25,7 @@ from dynreg.data.schema import RecordingSpec
 from dynreg.data.series import Finding, RawLog
 from dynreg.data.words import steady
 from dynreg.errors import CheckError, DynregError, LogError, MapError
+from dynreg.foreign import visible
 
 __all__ = ["Finding", "RawLog", "doctor", "examine", "read_log", "read_recording"]
 
@@ -122,12 +123,12 @@ class _Placed:
 
 
 def _names(episodes: Sequence[RawEpisode]) -> list[str]:
-    """The names of the episodes; the second of a name gets "#2"."""
+    """The names of the episodes, as text, which a file's name need not be; the second of a name gets "#2"."""
     seen: Counter[str] = Counter()
     names = []
-    for episode in episodes:
-        seen[episode.name] += 1
-        names.append(episode.name if seen[episode.name] == 1 else f"{episode.name}#{seen[episode.name]}")
+    for name in (visible(episode.name) for episode in episodes):
+        seen[name] += 1
+        names.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
     return names
 
 
@@ -288,5 +289,5 @@ def _hashes(path: Path) -> list[dict[str, Any]]:
     for file in files:
         with file.open("rb") as stream:
             digest = hashlib.file_digest(stream, "sha256").hexdigest()
-        out.append({"name": file.relative_to(path.parent).as_posix(), "sha256": digest})
+        out.append({"name": visible(file.relative_to(path.parent).as_posix()), "sha256": digest})
     return out

@@ -18,7 +18,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MOST_ROWS = 20  # most rows of the table in a notebook
+SAME_RATE = 0.01  # how far rates may be apart: the clock of a log is not exact
 FAR = 4e9  # [s] of a clock: the year 2096; stamps beyond it are in another unit
+
+
+def is_even(time: np.ndarray) -> bool:
+    """Whether all steps between times (T,) [s] are the same, within 1 %."""
+    steps = np.diff(time)
+    return not len(steps) or bool(steps.max() <= steps.min() * (1 + SAME_RATE))
 
 
 @dataclass(frozen=True)
@@ -126,8 +133,13 @@ class Recording:
     @property
     def rate(self) -> float | None:
         """Rows a second, the median over all; None where every episode has a single one."""
-        gaps = [np.diff(episode.time) for episode in self.episodes if len(episode.time) > 1]
-        return float(1.0 / np.median(np.concatenate(gaps))) if gaps else None
+        gaps = np.concatenate([np.diff(episode.time) for episode in self.episodes])
+        return float(1.0 / np.median(gaps)) if len(gaps) else None
+
+    @property
+    def is_even(self) -> bool:
+        """Whether each row of an episode follows the one before it after the same time, within 1 %."""
+        return all(is_even(episode.time) for episode in self.episodes)
 
     @property
     def id(self) -> str:

@@ -12,7 +12,7 @@ import pyarrow as pa
 from dynreg.data.maps import LogMap
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.data.trajectories import KEYS, texts
-from dynreg.errors import LogError
+from dynreg.errors import LimitError, LogError
 from dynreg.limits import limits, refuse
 
 SCHEMA = "dynreg/recording/2"
@@ -125,12 +125,22 @@ def is_old(path: str | Path) -> bool:
 
 
 def to_parquet(recording: Recording) -> bytes:
-    """A recording as the bytes of a Parquet file; the same recording gives the same bytes."""
+    """A recording as the bytes of a Parquet file; the same recording gives the same bytes.
+
+    Raises LimitError where it holds more numbers than `read_parquet` takes.
+    """
     import pyarrow.parquet as pq
 
+    episodes = f"a recording of {len(recording.episodes)} episodes"
+    _check_size(episodes, sum(len(e.time) for e in recording.episodes) * (1 + len(recording.channels)))
     sink = BytesIO()
     pq.write_table(to_table(recording), sink, compression="zstd", compression_level=3, version="2.6")
     return sink.getvalue()
+
+
+def _check_size(what: str, numbers: int) -> None:
+    if numbers > limits().numbers:
+        refuse(LimitError, what, f"{numbers} numbers", "numbers")
 
 
 def write_parquet(recording: Recording, path: str | Path) -> None:
@@ -139,7 +149,10 @@ def write_parquet(recording: Recording, path: str | Path) -> None:
 
 
 def read_parquet(path: str | Path) -> Recording:
-    """Read what `write_parquet` wrote, bit for bit; LogError where it is damaged or something else."""
+    """Read what `write_parquet` wrote, bit for bit.
+
+    Raises LogError where it is damaged or something else, LimitError where it holds more numbers than the limit allows.
+    """
     import pyarrow.parquet as pq
 
     path = Path(path)
@@ -153,10 +166,11 @@ def read_parquet(path: str | Path) -> Recording:
                 columns=names
             ):  # the footer may tell of fewer rows than there are
                 numbers += part.num_rows * len(names)
-                if numbers > limits().numbers:
-                    refuse(LogError, path.name, f"{numbers} numbers", "numbers")
+                _check_size(path.name, numbers)
                 parts.append(part)
             table = pa.Table.from_batches(parts) if parts else stream.read(columns=names)
+    except MemoryError:  # Arrow's own is an ArrowException, too
+        raise
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         raise LogError(
             f"{path.name!r} cannot be read: {error}", expected="a Parquet file", do="copy it again"

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from dynreg.data.recording import Channel
+from dynreg.data.recording import SAME_RATE, Channel
 from dynreg.data.table import to_table
 from dynreg.datasets.export import Export, Simulated
 from dynreg.datasets.formats import Format
@@ -75,7 +75,9 @@ def _counts(export: Export, size: int) -> str:
     rates = rates[np.isfinite(rates)]
     if not len(rates):
         rate = "not told"
-    elif rates.max() < rates.min() * 1.01:
+    elif export.dataset.uneven:
+        rate = "uneven times: each row has its own"
+    elif rates.max() <= rates.min() * (1 + SAME_RATE):
         rate = f"{np.median(rates):.6g} Hz"
     else:
         rate = f"{rates.min():.4g} to {rates.max():.4g} Hz: it differs from episode to episode"

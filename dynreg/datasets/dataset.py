@@ -88,6 +88,11 @@ class Dataset:
         """Seconds from a state to the next in each episode of each entry (episodes,), NaN where nobody told them."""
         return np.concatenate([part.periods for part in self.parts])
 
+    @property
+    def uneven(self) -> tuple[str, ...]:
+        """Names of the episodes whose rows follow each other after different times; entries have none."""
+        return tuple(name for p in self.parts if isinstance(p, RecordingPart) for name in p.uneven)
+
     def __repr__(self) -> str:
         c = self.columns
         sizes = f"{len(c.states)} states, {len(c.actions)} actions, {len(c.context)} of context"

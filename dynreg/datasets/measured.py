@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dynreg.data.recording import Channel, Episode, Recording
+from dynreg.data.recording import Channel, Episode, Recording, is_even
 from dynreg.data.table import read_parquet
 from dynreg.data.trajectories import Columns, Trajectories
 from dynreg.data.transitions import filled
@@ -17,11 +17,13 @@ from dynreg.data.transitions import filled
 class RecordingPart:
     """A stored recording, read when it is asked for.
 
-    path : of its Parquet file. identity : its id. inputs, settings : values where the log has none, by name.
+    path : of its Parquet file. identity : its id. robot : hash of the robot that tells columns, inputs and settings.
+    inputs, settings : values where the log has none, by name.
     """
 
     path: Path
     identity: str
+    robot: str
     columns: Columns
     inputs: Mapping[str, float]
     settings: Mapping[str, float]
@@ -32,13 +34,14 @@ class RecordingPart:
         return (self.identity,)
 
     @cached_property
-    def _sizes(self) -> tuple[int, int, np.ndarray]:
+    def _sizes(self) -> tuple[int, int, np.ndarray, tuple[str, ...]]:
         parts = self.read()
         periods = [np.median(np.diff(p.time)) if p.time.shape[2] > 1 else np.nan for p in parts]
         return (
             sum(p.states.shape[2] for p in parts),
             sum(len(p.transitions()) for p in parts),
             np.array(periods),
+            tuple(p.episodes[0] for p in parts if not is_even(p.time[0, 0])),
         )
 
     @property
@@ -55,6 +58,11 @@ class RecordingPart:
     def periods(self) -> np.ndarray:
         """(E,) seconds from a row to the next, the median of each episode; NaN of a single row."""
         return self._sizes[2]
+
+    @property
+    def uneven(self) -> tuple[str, ...]:
+        """Names of the episodes whose rows follow each other after different times; see `recording.is_even`."""
+        return self._sizes[3]
 
     def read(self) -> tuple[Trajectories, ...]:
         """An episode in each; LogError where the file is damaged."""

@@ -4,6 +4,7 @@ What cannot be done to a name raises NoPlaceError in one line. `create`, `write`
 for `files.write_file`, which tells of the file as a whole.
 """
 
+import errno
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -30,14 +31,20 @@ def create(path: Path) -> int:
 
 
 def lock(descriptor: int, wait: bool = True) -> None:
-    """Hold the lock of an open file or folder until it is closed; without `wait`, BlockingIOError if another has it."""
-    from portalocker import AlreadyLocked, LockFlags
+    """Hold the lock of an open file or folder until it is closed; without `wait`, BlockingIOError if another has it.
+
+    Raises OSError where it cannot be locked, as on a file system without locks.
+    """
+    from portalocker import AlreadyLocked, LockException, LockFlags
     from portalocker import lock as take  # imported here: it wants a module of the system's own
 
     try:
         take(descriptor, LockFlags.EXCLUSIVE | (LockFlags(0) if wait else LockFlags.NON_BLOCKING))
     except AlreadyLocked as problem:
         raise BlockingIOError(str(problem)) from None
+    except LockException as problem:
+        code = getattr(problem.__cause__, "errno", None) or errno.ENOLCK
+        raise OSError(code, os.strerror(code)) from problem
 
 
 def write(descriptor: int, data: bytes) -> None:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 import dynreg.registry.disk as disk
-from dynreg.errors import CorruptError, RegistryError, UsageError
+from dynreg.errors import CorruptError, LimitError, RegistryError, UsageError
 
 CONTENTS = ("shards", "populations", "recordings", "robots", "measured", "simulators", "results")
 INDEX = "index"  # what indexes computed; the catalogue knows nothing of it
@@ -147,6 +147,11 @@ def is_temporary(name: str) -> bool:
     return name.startswith(".") and _TEMPORARY in name
 
 
+def is_litter(name: str) -> bool:
+    """True for names of files that a file manager, of macOS or of Windows, leaves in a folder that it shows."""
+    return name in (".DS_Store", "Thumbs.db", "desktop.ini") or name.startswith("._")
+
+
 def sweep(root: Path) -> int:
     """Remove the temporary files and folders of writers that are gone; returns how many.
 
@@ -193,6 +198,8 @@ def try_lock(path: Path, create: bool = True) -> Iterator[bool]:
         except BlockingIOError:
             yield False
             return
+        except OSError as error:
+            raise disk.refused("lock", path, error) from error
         # The holder before us may have removed the name between our open and our lock.
         yield _same_file(descriptor, path)
     finally:
@@ -203,7 +210,11 @@ def unreadable(path: object, error: Exception | str) -> RegistryError:
     """The error for a stored file that cannot be read: a CorruptError, unless it is the disk or a right that fails.
 
     path : of the file, or what prints as where it lies.
+
+    Raises `error` itself where it tells of no damage: a sound file may ask for more than a limit or the memory allows.
     """
+    if isinstance(error, LimitError | MemoryError):
+        raise error
     if isinstance(error, OSError) and error.errno not in _NO_SUCH_FILE:
         return RegistryError(
             f"{str(path)!r} cannot be read: {error.strerror}",

@@ -1,6 +1,7 @@
 """The header of a shard's Parquet file, checked before anything is made of what it says."""
 
 import json
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,7 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 
-from dynreg.errors import CorruptError
+from dynreg.errors import CorruptError, LimitError
 from dynreg.limits import limits, refuse
 
 SCHEMA = "dynreg/shard/2"  # of the Parquet file; the first had episode, step and states alone, and no name
@@ -29,8 +30,8 @@ def together(header: dict[str, Any]) -> int:
 def checked_header(path: Path, stream: pq.ParquetFile) -> dict[str, Any]:
     """The header of an open shard, with `shape` (n, E, T+1, S), the names of its `states` and `periods` (n, E).
 
-    Raises CorruptError where it asks for too much or a newer dynreg wrote it, and ValueError, KeyError, TypeError or
-    RecursionError where it is none of a shard's.
+    Raises CorruptError where a newer dynreg wrote it, LimitError where it holds more numbers than the limit allows, and
+    ValueError, KeyError, TypeError or RecursionError where it is none of a shard's.
     """
     header = json.loads(stream.schema_arrow.metadata[b"dynreg"])
     if not isinstance(header, dict):
@@ -41,7 +42,7 @@ def checked_header(path: Path, stream: pq.ParquetFile) -> dict[str, Any]:
             expected=f"the form {SCHEMA!r}",
             do="upgrade dynreg to the version that wrote it",
         )
-    n, *_, channels = header["shape"] = _shape_of(path, header)
+    n, *_, channels = header["shape"] = _shape_of(header)
     if header["stop"] - header["start"] != n:
         raise ValueError(f"it holds {n} entries, not those from {header['start']} to {header['stop']}")
     header["states"] = _states_of(header, stream.schema_arrow.names)
@@ -49,11 +50,18 @@ def checked_header(path: Path, stream: pq.ParquetFile) -> dict[str, Any]:
         raise ValueError(f"it has {len(header['states'])} states, not {channels}")
     header["periods"] = _periods_of(header)
     _check_groups(header, stream)
+    check_size(path.name, header["shape"])
     return header
 
 
-def _shape_of(path: Path, header: dict[str, Any]) -> list[int]:
-    shape, most = header["shape"], limits().numbers
+def check_size(what: str, shape: Sequence[int]) -> None:
+    """LimitError where a shard, of which `what` tells, has states of so large a `shape` that it would not be read."""
+    if math.prod(shape) > limits().numbers:
+        refuse(LimitError, what, f"{' x '.join(map(str, shape))} numbers", "numbers")
+
+
+def _shape_of(header: dict[str, Any]) -> list[int]:
+    shape = header["shape"]
     if not isinstance(shape, list) or len(shape) != 4:
         raise ValueError(f"its shape is {shape!r:.80}")
     odd = [size for size in shape if type(size) is not int or size < 1]
@@ -62,8 +70,6 @@ def _shape_of(path: Path, header: dict[str, Any]) -> list[int]:
         raise ValueError(
             f"its shape, its numbers or its population is odd: {(odd or ['population'])[0]!r:.40}"
         )
-    if max(shape) > most or shape[0] * shape[1] * shape[2] * shape[3] > most:
-        refuse(CorruptError, path.name, f"{' x '.join(str(size)[:20] for size in shape)} numbers", "numbers")
     return shape
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from sqlalchemy import select
 
 import dynreg.registry.tables as tables
-from dynreg.errors import DiffersError, DynregError, NoMatchError, NoPlaceError, RegistryError
+from dynreg.errors import DiffersError, DynregError, LimitError, NoMatchError, NoPlaceError, RegistryError
 from dynreg.registry.entries import put_shard
 from dynreg.registry.exporting import copy_indexes, copy_plan, copy_thing, is_there
 from dynreg.registry.loading import load_shard
@@ -43,10 +43,13 @@ class _LeftOut:
     damaged: int = 0
 
     def note(self, source: Registry, kind: str, identity: str, error: Exception, also: str = "") -> None:
-        """Write down a thing; one that differs, or that was removed from the source meanwhile, is not damaged."""
+        """Write down a thing; one that differs, is too large or was removed meanwhile is not damaged."""
         gone = isinstance(error, NoMatchError) and not is_there(source, kind, identity)
-        self.damaged += not (gone or isinstance(error, DiffersError))
-        why = error.problem if isinstance(error, DynregError) else f"{type(error).__name__}: {error}"
+        self.damaged += not (gone or isinstance(error, DiffersError | LimitError))
+        if isinstance(error, LimitError):  # what to do about it is not what a damaged source asks for
+            why = str(error)
+        else:
+            why = error.problem if isinstance(error, DynregError) else f"{type(error).__name__}: {error}"
         self.lines.append(f"{kind} {identity[:12]}: {why}{also}")
 
 

@@ -16,7 +16,15 @@ from sqlalchemy import Table
 
 import dynreg.registry.tables as tables
 from dynreg.registry.codec import canonical_json
-from dynreg.registry.files import LEDGER, ROBOTS, StoredFile, content_name, read_regular, write_file
+from dynreg.registry.files import (
+    LEDGER,
+    ROBOTS,
+    StoredFile,
+    content_name,
+    is_litter,
+    read_regular,
+    write_file,
+)
 from dynreg.registry.tables import Key, Values, key_of, values_of
 
 _NAME = re.compile(r"(\d{8,15})-([0-9a-f]{16})\.json")
@@ -196,4 +204,6 @@ def _table(name: str) -> Table:
 
 def _files(root: Path) -> list[Path]:
     folder = root / LEDGER
-    return [p for p in folder.iterdir() if not p.name.startswith(".")] if folder.is_dir() else []
+    if not folder.is_dir():
+        return []
+    return [p for p in folder.iterdir() if not p.name.startswith(".") and not is_litter(p.name)]

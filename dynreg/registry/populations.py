@@ -10,7 +10,7 @@ from sqlalchemy import Connection, Row, select
 
 import dynreg.registry.tables as tables
 from dynreg.data.recording import Channel
-from dynreg.errors import CorruptError, DiffersError, RegistryError
+from dynreg.errors import DiffersError, LimitError, RegistryError
 from dynreg.limits import limits, refuse
 from dynreg.registry.codec import arrays_of, encode_arrays
 from dynreg.registry.directory import Directory
@@ -62,11 +62,14 @@ def population_file(record: PopulationRecord) -> tuple[StoredFile, bytes]:
 
 
 def get_population(directory: Directory, population_id: str) -> PopulationRecord:
-    """The record of a population; NoMatchError when unknown, CorruptError when its file is damaged or it is too big."""
+    """The record of a population; NoMatchError when unknown, CorruptError when its file is damaged.
+
+    Raises LimitError where it has more entries than the limit allows.
+    """
     with directory.catalog.read() as connection:
         row = require(connection, tables.populations, population_id, "population")
     if row.size > limits().entries:
-        refuse(CorruptError, f"population {population_id[:12]} has too many entries", row.size, "entries")
+        refuse(LimitError, f"population {population_id[:12]} has too many entries", row.size, "entries")
     path = directory.locate(row.path)
     return record_of(path, arrays_of(path, directory.read_bytes(row.path)), row.size)
 

@@ -12,6 +12,7 @@ from dynreg.data.recording import Channel
 from dynreg.data.trajectories import KEYS, Columns, Trajectories
 from dynreg.errors import RegistryError
 from dynreg.registry.shapes import AXES, bank_shape, fits_bank
+from dynreg.registry.tables import MOST_ENTRIES
 
 _ID = re.compile(r"[0-9a-f]{16,}")
 COMMANDED = tuple(AXES)  # what all entries of a population are told alike
@@ -63,11 +64,11 @@ class PopulationRecord:
                 expected=f"16 or more hexadecimal digits; unique columns, none named {', '.join(KEYS)}",
                 do="give its content hash as the id, and rename the channel or setting",
             )
-        if self.size < 1 or self.shard_size < 1:
+        if not 1 <= self.size <= MOST_ENTRIES or self.shard_size < 1:
             raise RegistryError(
                 f"population {self.name!r} of {self.size} entries in shards of {self.shard_size}",
-                expected="at least one entry in shards of at least one",
-                do="ask for a population of one entry or more",
+                expected=f"1 to {MOST_ENTRIES} entries in shards of at least one",
+                do="ask for a population of so many entries",
             )
         units = len(self.parameter_units) in (0, len(self.parameters))
         try:

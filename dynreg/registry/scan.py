@@ -26,6 +26,7 @@ from dynreg.registry.files import (
     ROBOTS,
     SEARCHES,
     StoredFile,
+    is_litter,
     is_temporary,
     read_regular,
     sha256_of,
@@ -84,7 +85,7 @@ def scan(root: Path, registered: set[str], removed: Collection[str] = ()) -> Fou
     """
     found, halves = Found(), _Halves()
     for path in sorted(root.iterdir()):
-        if path.name not in _KNOWN_AT_TOP and not is_temporary(path.name):
+        if path.name not in _KNOWN_AT_TOP and not is_temporary(path.name) and not is_litter(path.name):
             found.bad[path.name] = "not a part of a registry"
     names = [name for name in _names(root) if not _is_among(name, removed)]
     for relative in sorted(names, key=lambda name: (name not in registered, name)):
@@ -128,12 +129,21 @@ def _is_among(name: str, removed: Collection[str]) -> bool:
 
 
 def _names(root: Path) -> list[str]:
-    """All files below the folders of contents, links among them, by their paths in the registry."""
+    """All files below the folders of contents, links among them, by their paths in the registry.
+
+    What a file manager left there is passed over, but for names that a robot's own file may have.
+    """
     folders = [root / name for name in (*CONTENTS, INDEX)]
     files = (
         path for folder in folders for path in folder.rglob("*") if path.is_symlink() or not path.is_dir()
     )
-    return [path.relative_to(root).as_posix() for path in files if not is_temporary(path.name)]
+    names = [path.relative_to(root).as_posix() for path in files if not is_temporary(path.name)]
+    return [name for name in names if not _is_passed_over(name)]
+
+
+def _is_passed_over(name: str) -> bool:
+    folder, *_, file = name.split("/")
+    return is_litter(file) and (folder != ROBOTS or file.startswith("."))
 
 
 def _sort(found: Found, halves: _Halves, path: Path, file: StoredFile) -> bool:

@@ -19,7 +19,7 @@ from dynreg.errors import RegistryError
 from dynreg.registry.bucket import Remote, not_as_stored
 from dynreg.registry.codec import canonical_json, decode_arrays, encode_arrays
 from dynreg.registry.files import open_regular, unreadable
-from dynreg.registry.headers import SCHEMA, TOGETHER, checked_header, is_old, together
+from dynreg.registry.headers import SCHEMA, TOGETHER, check_size, checked_header, is_old, together
 from dynreg.registry.records import PopulationRecord, ShardData
 
 # What a damaged file makes its readers raise.
@@ -38,9 +38,11 @@ _ODD = (
 def encode_rows(data: ShardData, record: PopulationRecord, start: int, ids: Sequence[str]) -> bytes:
     """Parquet bytes of the rows of entries `start` to `start + len(data)`; the same entries give the same bytes.
 
-    ids : of the entries. Times are left out where nobody told them.
+    ids : of the entries. Times are left out where nobody told them. Raises LimitError where they are too many numbers
+    to be read again.
     """
     n, episodes, steps, _ = data.states.shape
+    check_size(f"entries {start} to {start + n} of a population", data.states.shape)
     numbers = np.arange(start, start + n)
     table = record.trajectories(ids, numbers, data.states, data.periods).table()
     header = _header(data, record, start, ids)

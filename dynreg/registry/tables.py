@@ -13,7 +13,7 @@ from typing import Any
 import sqlalchemy as sql
 from sqlalchemy import BigInteger, Column, ForeignKey, MetaData, Table, UniqueConstraint, select
 
-from dynreg.limits import limits
+from dynreg.limits import Limits
 
 Text = sql.Text().with_variant(sql.Text(collation="C"), "postgresql")
 Integer = sql.Integer().with_variant(BigInteger(), "postgresql")
@@ -187,6 +187,7 @@ def key_of(table: Table, values: Values) -> Key:
 
 
 _MOST = 2**53  # numbers and sizes beyond it are none of dynreg's
+MOST_ENTRIES = 10**9  # of one population, whatever limit is set
 ROBOT_HASH = re.compile(r"[0-9a-f]{8,128}")
 
 
@@ -202,7 +203,9 @@ def misfit(table: Table, values: Values) -> str:
             return f"{column.name} = {str(value)[:40]!r} in the table {table.name!r}"
         if column.name in _ODD and _ODD[column.name](value):
             return f"{column.name} of the table {table.name!r} is not one"
-    if table is shards and not 0 < values[2] - values[1] <= limits().entries:
+    if table is populations and named(table, values)["size"] > MOST_ENTRIES:
+        return f"a population of {named(table, values)['size']} entries"
+    if table is shards and not 0 < values[2] - values[1] <= Limits.entries:  # whatever is set
         return f"a shard from {values[1]} to {values[2]}"
     return ""
 

@@ -46,7 +46,8 @@ def verify(path: Path, repair: bool = False, dry_run: bool = False) -> VerifyRep
     faults say what a repair would do.
 
     Raises RegistryError when there is no registry at `path`, a part of it is a link, or its disk is full, fails or may
-    not be written for a repair: nothing is changed then.
+    not be written for a repair, LimitError or MemoryError where a file asks for more than a limit or the memory allows,
+    which tells nothing of its soundness: nothing is changed then.
     """
     path = Path(path)
     if (told := shared_at(path)) is not None:

@@ -12,7 +12,7 @@ from dynreg.data.names import joint_of
 from dynreg.data.recording import Recording
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.errors import LogError, RobotError, UsageError, one_of
-from dynreg.folder import TOML, Folder, read_folder
+from dynreg.folder import TOML, Folder, expanded, read_folder
 from dynreg.sim.base import base_joint
 from dynreg.sim.closed import check_closed
 from dynreg.sim.consistency import check_consistency
@@ -262,7 +262,7 @@ def load_robot(ref: str | Path, ranges: str | None = None) -> Robot:
 def robot_files(ref: str | Path) -> tuple[Folder, Path]:
     """The files of a packaged name or of any folder, and where they lie; RobotError where there is no robot."""
     packaged = packaged_robots()
-    folder = packaged.get(str(ref)) or _expanded(ref)
+    folder = packaged.get(str(ref)) or expanded(ref)
     if not (folder / TOML).is_file():
         raise RobotError(
             f"no robot {str(ref)!r}",
@@ -279,7 +279,7 @@ def hidden_by_name(ref: str | Path) -> list[str]:
         return [
             f"{name!r} is the robot that comes with dynreg, not the folder here; write './{name}' for the folder"
         ]
-    folder = Path.cwd() / _expanded(ref)
+    folder = Path.cwd() / expanded(ref)
     if name not in packaged and folder.name in packaged and folder.parent == Path.cwd():
         hidden = f"{folder.name!r} alone means the robot that comes with dynreg"
         return [f"{hidden}; write './{folder.name}' everywhere, or rename the folder"]
@@ -308,16 +308,6 @@ def robot_from(file: RobotFile, files: Folder, folder: Path) -> Robot:
         tuple(Parameter(**dict(table) | {"sets": tuple(table.sets)}) for table in file.parameters)
     )
     return Robot(file.robot.name, folder, files, file, space)
-
-
-def _expanded(ref: str | Path) -> Path:
-    """A folder as a user typed it, with `~` for a home; a path is what it says, as of a registry called `~`."""
-    if isinstance(ref, Path):
-        return ref
-    try:
-        return Path(ref).expanduser()
-    except RuntimeError:  # of a user whom this machine does not know
-        return Path(ref)
 
 
 def with_population(robot: Robot, ranges: str) -> Robot:

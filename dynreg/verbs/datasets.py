@@ -12,7 +12,7 @@ from dynreg.models.normaliser import Normaliser
 from dynreg.registry import PopulationRecord, Registry
 from dynreg.verbs.populations import columns_of
 from dynreg.verbs.simulators import told_last
-from dynreg.verbs.subjects import robot_of
+from dynreg.verbs.subjects import require_models, robot_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,13 +27,15 @@ def dataset(registry: Registry, refs: Sequence[str]) -> Dataset:
     """The rows of entries, populations and recordings, by id, prefix, name or `@last`.
 
     Entries come by population and number, each once; recordings after them by id, in the robot's columns. The entry of
-    a recording means that recording. Raises NoMatchError for a ref that fits nothing, UsageError for none and for
-    things of robots with other columns.
+    a recording means that recording. Raises NoMatchError for a ref that fits nothing, UsageError for none, for
+    things of robots with other columns and for populations of effects.
     """
     if not refs:
         raise UsageError("a dataset of nothing", expected="at least one id", do="see `dynreg list`")
     wanted, recordings, others = _wanted(registry, refs)
     records = [registry.population(identity) for identity in sorted(wanted)]
+    for record in records:
+        require_models(record)  # the rows would lack the effects
     parts: list[Part] = [part for r in records for part in registry.parts(r.id, wanted[r.id])]
     robots = [robot_of(registry, identity, ref) for identity, ref in recordings.items()]
     told = [r.columns for r in records] + [columns_of(robot) for robot in robots]
@@ -79,7 +81,8 @@ def _wanted(
 def _measured(registry: Registry, identity: str, robot: "Robot") -> RecordingPart:
     inputs = dict(zip(robot.inputs, robot.input_defaults.tolist(), strict=True))
     settings = {setting.name: setting.nominal for setting in robot.file.settings}
-    return RecordingPart(registry.recording_path(identity), identity, columns_of(robot), inputs, settings)
+    path = registry.recording_path(identity)
+    return RecordingPart(path, identity, robot.hash, columns_of(robot), inputs, settings)
 
 
 def _normaliser(records: Sequence[PopulationRecord]) -> Normaliser | None:
@@ -95,13 +98,15 @@ def population_frame(registry: Registry, ref: str) -> "pd.DataFrame":
     """A population's entries by number: id, parameters in their units, losses, and the numbers that each links to.
 
     `attrs` of the frame tells the population's id, its robot and the units of the parameters. Raises NoMatchError where
-    there is no such population, or where it has no entries.
+    there is no such population, or where it has no entries, UsageError for one of effects.
     """
     import pandas as pd
 
     from dynreg.verbs.populations import load_graph
 
-    record, held = registry.population(ref), registry.load(ref, ())
+    record = registry.population(ref)
+    require_models(record)
+    held = registry.load(ref, ())
     graph = load_graph(registry, record.id, held.ids)
     columns = {"id": held.ids} | dict(zip(record.parameters, held.values.T, strict=True))
     columns |= {"own_loss": held.own_loss, "train_loss": held.train_loss, **held.extra}

@@ -83,7 +83,7 @@ def contents(registry: Registry, refs: Sequence[str], licence: str | None = None
             by_population.setdefault(part.record.id, []).extend(part.entries)
     populations = tuple(_simulated(registry, p, entries) for p, entries in by_population.items())
     robots = [registry.population(p).robot_hash for p in by_population]
-    robots += [registry.recording_info(r.id).robot_hash for r in recordings]
+    robots += [part.robot for part in rows.parts if isinstance(part, RecordingPart)]
     named = sorted({registry.resolve(told_last(registry, ref), KINDS) for ref in refs})
     models = tuple(_measured(registry, identity) for kind, identity in named if kind == "measured")
     return Export(

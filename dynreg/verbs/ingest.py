@@ -136,7 +136,7 @@ def recording_summary(identity: str, recording: Recording, robot: str, name: str
         episodes=len(recording.episodes),
         rows_count=sum(len(e.time) for e in recording.episodes),
         duration=float(sum(e.duration for e in recording.episodes)),
-        rate=recording.rate,
+        rate=recording.rate if recording.is_even else None,
         channels=recording.names,
         settings=tuple(sorted({k for e in recording.episodes for k in e.settings})),
         gait=recording.provenance.get("gait"),

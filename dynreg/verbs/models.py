@@ -14,11 +14,12 @@ from dynreg.index import search
 from dynreg.models.dynamics import DynamicsModel
 from dynreg.models.losses import losses
 from dynreg.models.mlp import MlpStack, stack_of
-from dynreg.registry import Registry
+from dynreg.registry import PopulationRecord, Registry
 from dynreg.rng import stream
 from dynreg.verbs.measured import each_sound, model_of, rows_of
 from dynreg.verbs.populations import load_population, shared_of
 from dynreg.verbs.simulators import told_last
+from dynreg.verbs.subjects import require_models
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,18 +31,19 @@ def dynamics_model(registry: Registry, refs: str | Sequence[str]) -> DynamicsMod
     """The models of entries, in the order of `refs`, or of all simulators of a population, by number.
 
     A single id of an entry, also of a recording's, gives one model alone. Raises NoMatchError for a ref that fits
-    nothing, UsageError for entries of several populations, whose models do not take the same rows.
+    nothing, UsageError for entries of several populations, whose models do not take the same rows, and for those of
+    populations of effects, which have no models.
     """
     named = [refs] if isinstance(refs, str) else list(refs)
     found = [registry.resolve(told_last(registry, ref), KINDS) for ref in named]
-    populations = list(dict.fromkeys(_population_of(registry, *one) for one in found))
+    populations = {record.id: record for record in (_population_of(registry, *one) for one in found)}
     if len(populations) != 1 or len(set(found)) != len(found):
         raise UsageError(
             f"models of {len(found)} things of {len(populations)} populations",
             expected="entries of one population, each once, or one population",
             do="ask for each population by itself",
         )
-    record = registry.population(populations[0])
+    (record,) = populations.values()
     stacks, entries = [], []
     held = registry.load(record.id, ("weights",)) if any(kind != "measured" for kind, _ in found) else None
     whole = None if held is None else MlpStack.from_arrays(held.weights)
@@ -78,7 +80,7 @@ def near_entries(registry: Registry, ref: str, k: int) -> "pd.DataFrame":
     if k < 1:
         raise UsageError(f"k = {k}", expected="at least 1", do="ask for one neighbour or more")
     kind, identity = registry.resolve(told_last(registry, ref), ("entry", "measured"))
-    record = registry.population(_population_of(registry, kind, identity))
+    record = _population_of(registry, kind, identity)
     population = load_population(registry, record.id, judged=True)
     if population.graph is None:
         raise UsageError(
@@ -110,13 +112,13 @@ def entry_distance(registry: Registry, a: str, b: str) -> float:
     """The cross-loss distance of two entries of a population: 1 for the same, larger for others (paper D)."""
     found = [registry.resolve(told_last(registry, ref), ("entry", "measured")) for ref in (a, b)]
     first, second = (_population_of(registry, *one) for one in found)
-    if first != second:
+    if first.id != second.id:
         raise UsageError(
-            f"entries of populations {first[:12]} and {second[:12]}",
+            f"entries of populations {first.id[:12]} and {second.id[:12]}",
             expected="two entries of one population: distances exist only inside one",
             do="see `dynreg show ID` for an entry's population",
         )
-    shared = shared_of(registry, registry.population(first))
+    shared = shared_of(registry, first)
     return _apart(*(_judged(registry, shared, *one) for one in found))
 
 
@@ -154,7 +156,12 @@ def _apart(a: _Judged, b: _Judged) -> float:
     return (a.on(b) + b.on(a)) / (a.loss + b.loss)
 
 
-def _population_of(registry: Registry, kind: str, identity: str) -> str:
-    if kind == "population":
-        return identity
-    return registry.entry(identity)[0] if kind == "entry" else registry.measured(identity).population_id
+def _population_of(registry: Registry, kind: str, identity: str) -> PopulationRecord:
+    """The population of a thing; UsageError for one of effects, which has no models."""
+    if kind == "entry":
+        identity = registry.entry(identity)[0]
+    elif kind == "measured":
+        identity = registry.measured(identity).population_id
+    record = registry.population(identity)
+    require_models(record)
+    return record

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dynreg.errors import UsageError
+from dynreg.limits import limits, variable
 from dynreg.progress import Progress
 from dynreg.verbs.settings import Settings, address, executor, option, seed, threads
 
@@ -57,11 +58,10 @@ def populate(
 
     With `dry_run` a few simulators are made in a temporary folder, and tell what those that are missing would cost.
 
-    Raises UsageError where n is below 1, where only one of `effects` and `like` is given, and for settings of which one
+    Raises UsageError as `check_count`, where only one of `effects` and `like` is given, and for settings of which one
     would do nothing beside the other.
     """
-    if n < 1:
-        raise UsageError(f"{n} simulators", expected="at least 1", do="ask for more, such as -n 1000")
+    check_count(n)
     if not settings.dry_run:
         registry.check_writable()
     if settings.effects != (settings.like is not None):
@@ -99,6 +99,15 @@ def populate(
     if settings.effects:
         return with_effects(registry, robot, n, settings, progress)
     return with_models(registry, robot, n, settings, training, progress)
+
+
+def check_count(n: int) -> None:
+    """UsageError where a population may not have n entries."""
+    if n < 1:
+        raise UsageError(f"{n} simulators", expected="at least 1", do="ask for more, such as -n 1000")
+    if n > limits().entries:
+        do = f"ask for fewer, or set {variable('entries')} higher"
+        raise UsageError(f"{n} simulators", expected=f"at most {limits().entries}", do=do)
 
 
 def with_models(

@@ -121,7 +121,8 @@ def threads() -> Any:
 
 def executor() -> Any:
     """The setting that every verb has whose work divides into independent jobs; see `executor.opened`."""
-    return option(LOCAL, "What does the work: this process, or workers of Ray.", choices=NAMES, shared=True)
+    told = "What does the work: this process, or workers of Ray. On other machines populate needs a shared registry."
+    return option(LOCAL, told, choices=NAMES, shared=True)
 
 
 def address() -> Any:

@@ -13,7 +13,8 @@ from dynreg.results.stored import EntrySummary
 from dynreg.verbs.ingest import recording_summary
 from dynreg.verbs.list import simulator_name
 from dynreg.verbs.newest import newest_for
-from dynreg.verbs.subjects import version_called
+from dynreg.verbs.simulators import effects_of
+from dynreg.verbs.subjects import of_effects, version_called
 
 Shown = tuple[str, str, dict[str, Any]]  # name, robot, detail
 
@@ -27,16 +28,13 @@ def summary(registry: Registry, kind: str, identity: str, ref: str = "") -> Entr
 
 def _entry(registry: Registry, identity: str) -> Shown:
     entry = registry.load_entry(identity)
-    robot = registry.population(entry.population_id).name
-    detail = {
-        "population": entry.population_id,
-        "number": entry.number,
-        "own_loss": entry.own_loss,
-        "train_loss": entry.train_loss,
-        "parameters": entry.values,
-        **entry.extra,
-    }
-    return f"{robot}-{entry.number}", robot, detail
+    record = registry.population(entry.population_id)
+    if of_effects(record):
+        told = {"effects": effects_of(record, entry) or "none"}
+    else:
+        told = {"own_loss": entry.own_loss, "train_loss": entry.train_loss}
+    detail = {"population": record.id, "number": entry.number, **told, "parameters": entry.values}
+    return f"{record.name}-{entry.number}", record.name, detail | entry.extra
 
 
 def _recording(registry: Registry, identity: str, ref: str) -> Shown:

@@ -101,7 +101,7 @@ def stored(registry: "Registry", kind: str, identity: str, robot: "Robot | None"
     if kind == "entry":
         entry = registry.load_entry(identity)
         record = registry.population(entry.population_id)
-        config = SimConfig(record.robot_hash, record.name, entry.values, _effects(record, entry))
+        config = SimConfig(record.robot_hash, record.name, entry.values, effects_of(record, entry))
         name, lineage = f"{record.name}-{entry.number}", {"kind": "entry"}
     else:
         document = registry.simulator(identity)
@@ -189,7 +189,7 @@ def _told(
     return replace(with_parts(registry, found, document, recording), source=record.id)
 
 
-def _effects(record: "PopulationRecord", entry: "EntryRecord") -> dict[str, dict[str, float]]:
+def effects_of(record: "PopulationRecord", entry: "EntryRecord") -> dict[str, dict[str, float]]:
     """{key: values} of the effect that an entry carries; {} for none, and in populations of models."""
     from dynreg.sim.effects import term
     from dynreg.verbs.subjects import of_effects

@@ -17,6 +17,7 @@ from dynreg.errors import (
     RobotError,
     UsageError,
 )
+from dynreg.folder import expanded
 from dynreg.registry import PopulationRecord, RecordingInfo, Registry, ResultRecord, RobotInfo
 from dynreg.results.result import Result
 from dynreg.results.stored import RecordingSummary
@@ -52,8 +53,8 @@ def loaded_robot(
 
 def _exists(path: str | Path) -> bool:
     try:
-        return Path(path).expanduser().exists()
-    except (OSError, RuntimeError, ValueError):
+        return expanded(path).exists()
+    except (OSError, ValueError):
         return False
 
 
@@ -110,7 +111,6 @@ def _read(paths: list[Path], robot: "Robot", log_map: "str | Path | LogMap | Non
 
 
 EFFECTS = "effects"  # the kind of a population whose entries carry one effect each
-_SAME_RATE = 0.01  # how far the rate of a recording may be from that of a robot
 
 
 @dataclass(frozen=True)
@@ -222,6 +222,8 @@ def lacking(recording: "Recording", robot: "Robot") -> list[str]:
 
     No setting is among it: `ingest` takes a log that lacks some, and its nominal value is used.
     """
+    from dynreg.data.recording import SAME_RATE
+
     spec = robot.recording_spec
     units = {channel.name: channel.unit for channel in recording.channels}
     kinds = {"state": "channel", "action": "command", "input": "input", "enable": "input"}
@@ -232,7 +234,7 @@ def lacking(recording: "Recording", robot: "Robot") -> list[str]:
         if units.get(c.name, c.unit) != c.unit
     ]
     rate = recording.rate
-    if spec.rate is not None and rate is not None and abs(rate / spec.rate - 1) > _SAME_RATE:
+    if spec.rate is not None and rate is not None and abs(rate / spec.rate - 1) > SAME_RATE:
         out.append(f"rows at {spec.rate:g} Hz (it has {rate:.4g} Hz)")
     return out
 
@@ -337,6 +339,17 @@ def of_effects(record: PopulationRecord) -> bool:
     return record.spec.get("kind") == EFFECTS
 
 
+def require_models(record: PopulationRecord) -> None:
+    """UsageError for a population of effects, where one whose simulators have models is meant."""
+    if of_effects(record):
+        raise UsageError(
+            f"population {record.id[:12]} has effects under the commands of one recording, and no models",
+            expected="a population whose simulators have models",
+            do="name another, ask `dynreg query` what the recording looks like, or take a simulator with its effect "
+            "by `dynreg export ENTRY --as robot`",
+        )
+
+
 def named_effects(asked: Recorded, ref: str | None) -> PopulationRecord | None:
     """The population of effects that is meant: `ref`, or the only one under this recording where no other is there.
 
@@ -363,12 +376,7 @@ def population_for(asked: Recorded, ref: str | None) -> tuple[str, int]:
         record = _only_population(asked)
     else:
         record = registry.population(registry.resolve(ref, ("population",))[1])
-        if of_effects(record):
-            raise UsageError(
-                f"population {record.id[:12]} has effects under the commands of one recording, and no models",
-                expected="a population whose simulators have models",
-                do="name another, or ask `dynreg query` what the recording looks like",
-            )
+        require_models(record)
         if record.robot_hash != asked.robot.hash:
             _tell_other(asked, record)
     count = registry.count(record.id)

@@ -6,6 +6,7 @@ import pytest
 
 from dynreg.cli.settings import Settings, read_settings
 from dynreg.errors import UsageError
+from dynreg.session import place
 
 
 def test_without_anything_there_are_no_settings(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -23,6 +24,24 @@ def test_the_later_source_wins(dynreg, session, monkeypatch: pytest.MonkeyPatch)
     assert session.asked[-1][2]["k"] == 3 and session.path == Path("from-environment")
     dynreg("query", "bench", "-k", "4", "--registry", "from-flag")
     assert session.asked[-1][2]["k"] == 4 and session.path == Path("from-flag")
+
+
+def test_a_home_is_meant_by_its_sign_wherever_the_registry_is_told(
+    dynreg, session, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    for name in ("HOME", "USERPROFILE"):
+        monkeypatch.setenv(name, str(tmp_path / "home"))
+    Path("dynreg.toml").write_text('registry = "~/from-file"\n')
+    dynreg("list")
+    assert session.path == tmp_path / "home" / "from-file"
+    monkeypatch.setenv("DYNREG_REGISTRY", "~/from-environment")
+    dynreg("list")
+    assert session.path == place(None) == tmp_path / "home" / "from-environment"
+    dynreg("list", "--registry=~/from-flag")
+    assert session.path == place("~/from-flag") == tmp_path / "home" / "from-flag"
+    Path("~").mkdir()
+    assert place("~") == Path("~"), "a folder of that very name"
+    assert place("~nobody-of-this-name/x") == Path("~nobody-of-this-name/x")
 
 
 def test_the_registry_may_stand_before_the_verb_and_the_one_behind_it_wins(dynreg, session) -> None:

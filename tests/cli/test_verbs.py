@@ -59,6 +59,12 @@ def test_populate_passes_its_options_on(dynreg, session) -> None:
     assert named == told | {"progress": named["progress"]}
 
 
+def test_a_population_beyond_the_limit_makes_no_registry(dynreg, session, monkeypatch) -> None:
+    monkeypatch.setenv("DYNREG_MAX_ENTRIES", "1000")
+    ended = dynreg("populate", "servo_pendulum", "-n", 2000)
+    assert ended.status == 2 and "at most 1000" in ended.err and session.asked == [] and not session.created
+
+
 def test_a_population_of_a_robot_with_a_recording_is_asked_about_it_next(dynreg, session) -> None:
     told = "populate servo_pendulum -n 8".split()
     assert "next: dynreg ingest LOG --robot servo_pendulum" in dynreg(*told).out
@@ -83,13 +89,14 @@ def test_ingest_offers_the_question_that_needs_no_population(dynreg, session) ->
     assert lines[-2:] == [f"next: dynreg query {name} -k 5", f"  or: dynreg diagnose {name}"]
 
 
-def test_a_command_to_type_reads_the_same_in_a_shell(dynreg, session, tmp_path) -> None:
+@pytest.mark.parametrize("robot", ["first run", "b;c"])
+def test_a_command_to_type_reads_the_same_in_a_shell(robot, dynreg, session) -> None:
     """A file with a space in its name was two words."""
     import shlex
 
-    ended = dynreg("rm", "first run", "b;c")
+    ended = dynreg("effects", robot)
     (line,) = [line for line in ended.out.splitlines() if line.startswith("next: ")]
-    assert shlex.split(line)[1:] == ["dynreg", "rm", "first run", "b;c", "--yes"]
+    assert shlex.split(line)[1:] == ["dynreg", "trial", robot, "--effect", "EFFECT"]
 
 
 def test_query_passes_its_options_on(dynreg, session) -> None:
@@ -154,6 +161,31 @@ def test_verify_exits_3_on_faults(dynreg, session) -> None:
     assert ended.status == 3
     assert "its file is lost" in ended.out
     assert "expected" in ended.err and "--repair" in ended.err
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "rm monday",
+        "gc --dry-run",
+        "verify",
+        "import else",
+        "ingest run.csv --robot servo_pendulum",
+        "diagnose run",
+        "list",
+    ],
+)
+def test_the_next_command_is_of_the_same_registry(line, dynreg, session) -> None:
+    session.answers["verify"] = made_up_results.verification(("shard 0: its file is lost",))
+    ended = dynreg(*line.split(), "--registry", "of the lab")
+    (told,) = [one for one in ended.out.splitlines() if one.startswith("next: ")]
+    assert told.endswith(" --registry 'of the lab'")
+    assert "verify --repair`" not in ended.err  # nor does an error leave it out
+
+
+def test_rm_says_again_what_it_found_and_not_how_it_was_named(dynreg, session) -> None:
+    (found, *_) = session.answers["remove"].items
+    assert f"next: dynreg rm {found.id[:12]} --yes" in dynreg("rm", "@last").out
 
 
 def test_calibrate_passes_its_options_on(dynreg, session) -> None:

@@ -1,5 +1,6 @@
 """Ingestion gives the channels on the robot's clock, and nothing that was not measured."""
 
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from dynreg.data.maps import parse_map
 from dynreg.data.recording import Recording
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.series import Series
+from dynreg.data.table import read_parquet, write_parquet
 from dynreg.data.transitions import transitions
 from dynreg.errors import DynregError, LogError, MapError
 
@@ -24,6 +26,18 @@ Columns = dict[str, np.ndarray]
 def irregular(seed: int, duration: float = 5.0, period: float = 0.0053) -> np.ndarray:
     steps = np.random.default_rng(seed).uniform(0.5, 1.5, int(duration / period)) * period
     return np.cumsum(steps)
+
+
+def test_a_name_that_is_no_text_becomes_one(write_table: Callable, swing: Columns, servo_spec, tmp_path):
+    try:
+        path = write_table(name=os.fsdecode(b"Pr\xfcfstand.csv"), **swing)
+    except OSError:
+        pytest.skip("this file system has names in UTF-8 alone")
+    recording = read_recording(path, servo_spec)
+    assert "Pr\\udcfcfstand" in recording.episodes[0].name
+    assert recording.provenance["files"][0]["name"] == "Pr\\udcfcfstand.csv"
+    write_parquet(recording, tmp_path / "kept")
+    assert read_parquet(tmp_path / "kept").id == recording.id
 
 
 def test_identity_map_keeps_order_units_and_settings(

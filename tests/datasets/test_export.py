@@ -12,11 +12,15 @@ import pytest
 import yaml
 
 from dynreg.cli.main import main
+from dynreg.data.recording import Episode
+from dynreg.data.table import write_parquet
+from dynreg.datasets.card import card
 from dynreg.datasets.formats import FORMATS, format_of
 from dynreg.errors import NoMatchError, UsageError
 from dynreg.report.stored import tables
 from dynreg.results import DatasetExport
 from dynreg.verbs.export_dataset import contents
+from dynreg.verbs.ingest import recording_summary
 
 
 def card_of(place: Path) -> str:
@@ -173,6 +177,23 @@ def test_a_lerobot_dataset_has_one_rate(exported) -> None:
             continue
         with pytest.raises(UsageError, match="66.67 to 100 Hz as lerobot; expected one rate.*parquet"):
             format_of("lerobot").check(other)
+
+
+def test_a_recording_of_uneven_times_is_no_lerobot_dataset(exported, tmp_path: Path) -> None:
+    told = contents(exported.opened.registry, ["bench"])
+    (part,), stored = told.dataset.parts, exported.opened.registry.recording("bench")
+    time = np.cumsum(np.tile([0.01, 0.01, 0.15], 20))  # the median tells nothing of it
+    last = Episode("timed", time, stored.episodes[0].values[: len(time)], stored.episodes[0].settings)
+    recording = replace(stored, episodes=(*stored.episodes, last))
+    write_parquet(recording, tmp_path / "uneven.parquet")
+    own = replace(part, path=tmp_path / "uneven.parquet")
+    other = replace(told, dataset=replace(told.dataset, parts=(own,)))
+    with pytest.raises(UsageError, match="'timed' with uneven times as lerobot.*parquet"):
+        format_of("lerobot").check(other)
+    format_of("parquet").check(other)
+    assert "| rate | uneven times" in card(other, format_of("parquet"), "place", 1)
+    assert recording_summary("id", stored, "r", "n").rate == pytest.approx(100.0)
+    assert recording_summary("id", recording, "r", "n").rate is None
 
 
 def test_an_export_of_models_counts_models(exported, tmp_path: Path) -> None:

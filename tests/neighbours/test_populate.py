@@ -9,7 +9,7 @@ from secret_servo import ENTRIES, TRAINING
 
 from dynreg import session
 from dynreg.distance.population import Training
-from dynreg.errors import Assumed, SimulationError, UsageError
+from dynreg.errors import Assumed, LimitError, SimulationError, UsageError
 from dynreg.neighbours import entries as module
 from dynreg.neighbours.entries import make_entries, population_id
 from dynreg.registry import Registry, verify
@@ -86,6 +86,23 @@ def test_a_populate_that_was_stopped_goes_on_where_it_was(registry, servos):
     assert added == ENTRIES - 10 and ids(registry) == ids(servos.registry)
     assert [s for s in seen if s[0] == "base model"] == [], "what is shared was kept"
     assert seen[-1] == ("simulators", ENTRIES, ENTRIES)
+
+
+def test_more_than_the_limit_of_entries_is_refused_before_anything_is_stored(registry, monkeypatch):
+    monkeypatch.setenv("DYNREG_MAX_ENTRIES", "10")
+    with pytest.raises(UsageError, match="11 simulators; expected at most 10; .*DYNREG_MAX_ENTRIES"):
+        fill(registry, 11)
+    assert registry.populations() == () and not registry.robots()
+
+
+def test_a_population_beyond_the_limit_is_not_taken_for_lost_and_begun_anew(registry, monkeypatch):
+    fill(registry, 8, shard_size=8)
+    monkeypatch.setenv("DYNREG_MAX_ENTRIES", "7")
+    monkeypatch.setattr(
+        populations, "make_shared", lambda *_: pytest.fail("its base model was trained again")
+    )
+    with pytest.raises(LimitError, match="DYNREG_MAX_ENTRIES"):
+        fill(registry, 7)
 
 
 def test_a_populate_waits_for_what_another_one_has_claimed(registry, monkeypatch):

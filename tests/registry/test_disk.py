@@ -1,11 +1,14 @@
 """The one place where the registry changes the disk: each change is whole, lasts, or is refused in a sentence."""
 
+import errno
 import os
 
 import pytest
+from portalocker import LockException
 
 import dynreg.registry.disk as disk
-from dynreg.errors import RegistryError
+from dynreg.errors import NoPlaceError, RegistryError
+from dynreg.registry.files import try_lock, write_file
 
 
 def test_all_is_written_however_little_the_system_takes_at_once(tmp_path, monkeypatch):
@@ -54,6 +57,19 @@ def test_what_the_system_refuses_is_a_sentence(message, tmp_path):
         RegistryError, match=f"^{message}.*; expected a place that may be written.*; free some space"
     ):
         REFUSED[message](tmp_path)
+
+
+@pytest.mark.parametrize("cause", [OSError(errno.EOPNOTSUPP, "Operation not supported"), EOFError()])
+def test_a_file_system_without_locks_is_refused_in_a_sentence(cause, tmp_path, monkeypatch):
+    def no_lock(*_: object) -> None:
+        raise LockException(str(cause)) from cause
+
+    monkeypatch.setattr("portalocker.lock", no_lock)
+    told = os.strerror(getattr(cause, "errno", errno.ENOLCK))
+    with pytest.raises(NoPlaceError, match=f"cannot write .*: {told}; expected a place"):
+        write_file(tmp_path / "new", b"")
+    with pytest.raises(NoPlaceError, match=f"cannot lock .*: {told}; expected a place"), try_lock(tmp_path):
+        pass
 
 
 def test_where_no_folder_can_be_opened_its_names_are_left_to_the_system(tmp_path, monkeypatch):

@@ -235,6 +235,13 @@ def test_what_differs_or_has_a_taken_name_is_not_damaged(registry, here, tmp_pat
     assert "10 of its 10 entries are missing here" in "; ".join(brought.left_out)
 
 
+def test_what_is_larger_than_a_limit_allows_is_left_out_and_not_damaged(registry, here, monkeypatch):
+    monkeypatch.setenv("DYNREG_MAX_NUMBERS", "20")
+    brought = take_in(here, registry)
+    told = [line for line in brought.left_out if line.startswith(("recording", "population"))]
+    assert told and all("set DYNREG_MAX_NUMBERS higher" in line for line in told) and brought.damaged == 0
+
+
 def test_sound_shards_of_a_damaged_population_are_taken(registry, here):
     with files_of(registry.path) as root:
         min((root / "shards").glob("*.parquet")).unlink()

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from flips import answers, flipped, flipped_objects, found, judged, wrong
 from hands import bucket_of, files_of, lose_catalogue, row_number, sql, stored
@@ -16,7 +17,7 @@ from registry_contents import ROBOT, make_population, make_recording, make_robot
 from sound import Sound, sound_in
 
 from dynreg.data.recording import Recording
-from dynreg.errors import CorruptError, Damaged, DynregError, NoPlaceError, RegistryError
+from dynreg.errors import CorruptError, Damaged, DynregError, LimitError, NoPlaceError, RegistryError
 from dynreg.registry import Registry, repairing, tables, verify
 from dynreg.registry.files import try_lock
 from dynreg.registry.sharing import shared_at
@@ -367,12 +368,54 @@ def test_a_disk_that_fails_is_no_damage_and_nothing_is_repaired_for_it(work, mon
     assert stored(work) == before
 
 
-def test_a_stored_file_that_asks_for_more_than_the_limit_is_refused(work, monkeypatch):
+def test_a_stored_file_that_asks_for_more_than_the_limit_is_refused_and_kept(work, monkeypatch):
+    before = stored(work)
     monkeypatch.setenv("DYNREG_MAX_NUMBERS", "20")
     with Registry.open(work) as registry:
-        for ask in (lambda: registry.load("bench"), lambda: registry.recording("first run")):
-            with pytest.raises(CorruptError, match="at most 20 .*DYNREG_MAX_NUMBERS"):
+        asked = [lambda: registry.load("bench"), lambda: registry.recording("first run")]
+        for ask in (*asked, lambda: verify(work), lambda: verify(work, repair=True)):
+            with pytest.raises(LimitError, match="at most 20 .*DYNREG_MAX_NUMBERS") as error:
                 ask()
+            assert error.value.exit_status == 1 and "repair" not in str(error.value)
+    monkeypatch.undo()
+    assert stored(work) == before and verify(work).faults == ()
+
+
+def test_what_the_limit_would_keep_from_being_read_is_not_stored(tmp_path, monkeypatch):
+    monkeypatch.setenv("DYNREG_MAX_NUMBERS", "20")
+    with Registry.open(tmp_path / "registry", create=True) as made:
+        made.put_robot(make_robot(tmp_path / "robot"), ROBOT, "arm")
+        made.put_population(make_population(2))
+        puts = [lambda: made.put_recording(make_recording(1), ROBOT, "run")]
+        puts += [lambda: made.put_shard("bench", 0, make_shard(0, 2))]
+        for put in puts:
+            with pytest.raises(LimitError, match="at most 20 .*DYNREG_MAX_NUMBERS"):
+                put()
+        assert made.recordings() == () and verify(made.path).leftovers == ()
+
+
+def test_shards_of_more_entries_than_a_population_may_have_are_no_damage(work, monkeypatch):
+    monkeypatch.setenv("DYNREG_MAX_ENTRIES", "1")
+    assert verify(work, repair=True).faults == ()
+    with Registry.open(work) as registry, pytest.raises(LimitError, match="DYNREG_MAX_ENTRIES"):
+        registry.load("bench")
+
+
+@pytest.mark.parametrize("error", [MemoryError, pa.ArrowMemoryError])
+def test_a_memory_that_does_not_suffice_is_no_damage(work, monkeypatch, error):
+    before = stored(work)
+
+    def fails(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr("pyarrow.parquet.ParquetFile", fails)
+    with Registry.open(work) as registry:
+        asked = [lambda: registry.load("bench"), lambda: registry.recording("first run")]
+        for ask in (*asked, lambda: verify(work), lambda: verify(work, repair=True)):
+            with pytest.raises(MemoryError):
+                ask()
+    monkeypatch.undo()
+    assert stored(work) == before
 
 
 @pytest.mark.parametrize(

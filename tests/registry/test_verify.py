@@ -137,6 +137,18 @@ def test_added_files_are_put_away(registry):
     assert sorted(kept) == ["mine"] * 4 + ["{}"]
 
 
+@pytest.mark.parametrize("name", [".DS_Store", "._notes", "Thumbs.db", "desktop.ini"])
+def test_what_a_file_manager_leaves_is_no_fault_and_stays(registry, name):
+    folders = [".", "shards", "recordings", "ledger"] + [f"robots/{ROBOT}"] * name.startswith(".")
+    for folder in folders:
+        (registry.path / folder / name).write_text("theirs")
+    report = verify(registry.path)
+    assert report.faults == () and report.leftovers == ()
+    assert verify(registry.path, repair=True).faults == ()
+    assert all((registry.path / folder / name).exists() for folder in folders)
+    assert registry.load("bench").ids and registry.recordings()
+
+
 @pytest.mark.parametrize("what", ["entries", "recording"])
 def test_files_that_a_killed_process_left_are_no_fault_and_serve_the_next_put(registry, monkeypatch, what):
     registry.put_population(make_population(12))

@@ -1,6 +1,7 @@
 """Populations of effects in a registry: grown, asked, used by diagnoses; and nobody takes them for models."""
 
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
@@ -12,7 +13,10 @@ from dynreg.neighbours.entries import Stopwatch
 from dynreg.session import Session, open
 from dynreg.sim.effects import term
 from dynreg.sim.robot import load_robot
+from dynreg.verbs.datasets import dataset, population_frame
 from dynreg.verbs.effect_populations import begin, fill_span, hold, posed
+from dynreg.verbs.export_dataset import export_dataset
+from dynreg.verbs.models import dynamics_model, entry_distance, near_entries
 from dynreg.verbs.populations import fill
 from dynreg.verbs.simulators import stored
 from dynreg.verbs.subjects import population_for, recorded
@@ -100,6 +104,26 @@ def test_it_is_no_population_of_models(session, grown) -> None:
         population_for(asked, grown[0])
     with pytest.raises(NoMatchError):
         population_for(asked, None)
+
+
+def test_what_would_lose_the_effects_is_refused(session, grown, tmp_path) -> None:
+    registry, (entry, *_) = session.registry, session.registry.load(grown[0], ()).ids
+    asked = [partial(export_dataset, registry, [ref], tmp_path / "out", "csv") for ref in (grown[0], entry)]
+    asked += [partial(dataset, registry, [grown[0], "monday"]), partial(dynamics_model, registry, entry)]
+    asked += [partial(near_entries, registry, entry, 3), partial(entry_distance, registry, entry, entry)]
+    for ask in (*asked, partial(population_frame, registry, grown[0])):
+        with pytest.raises(UsageError, match="has effects .* no models; .*export ENTRY --as robot"):
+            ask()
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_entry_shows_its_effect_and_no_loss_of_a_model(session, grown) -> None:
+    shown = [session.show(one).detail for one in session.registry.load(grown[0], ()).ids[:30]]
+    assert not any({"own_loss", "train_loss"} & set(detail) for detail in shown)
+    bare = [detail for detail in shown if detail["effects"] == "none"]
+    assert 0 < len(bare) < len(shown)
+    for (values,) in (detail["effects"].values() for detail in shown if detail not in bare):
+        assert values and all(isinstance(size, float) for size in values.values())
 
 
 def test_a_diagnosis_finds_it_under_the_same_commands_alone(session, grown) -> None:

@@ -14,6 +14,7 @@ from dynreg.registry import Registry, removal, remove, verify
 from dynreg.session import Session
 from dynreg.sim.config import SimConfig
 from dynreg.sim.robot import load_robot
+from dynreg.verbs.export_dataset import contents
 from dynreg.verbs.simulators import simulator
 from dynreg.verbs.subjects import recorded
 
@@ -69,6 +70,12 @@ def told(registry: Registry, recording: str, robot: Path, kind: str) -> str:
     keys = {"answer": one, "simulator": one, "calibrated_simulator": one}
     registry.put_result(kind, recording, {"robot": owner.name} | keys)
     return one
+
+
+@pytest.mark.parametrize("name, robot", [("bench", "swinger"), ("bench_rad", "swinger_rad")])
+def test_an_export_by_a_name_tells_the_hash_of_its_robot(name: str, robot: str, reg: Session, tmp_path: Path):
+    told = contents(reg.registry, [name])
+    assert (told.dataset.robot, told.robots) == (robot, (load_robot(tmp_path / robot).hash,))
 
 
 def test_a_name_keeps_the_robot_that_it_was_ingested_with(reg: Session):

@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from dynreg.data.recording import SAME_RATE
 from dynreg.data.trajectories import Columns, Trajectories, numbers
 from dynreg.datasets.dataset import GROUP
 from dynreg.datasets.export import Export
@@ -18,19 +19,24 @@ VERSION = "v3.0"
 FILE_MB, CHUNK = 100, 1000  # LeRobot's own: megabytes of a file, files of a chunk
 DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 EPISODES = "meta/episodes/chunk-000/file-000.parquet"
-_SAME = 0.01  # how far rates may be apart: the clock of a log is not exact
 _INTEGERS = ("frame_index", "episode_index", "index", "task_index", "entry_index")
 
 
 def check(export: Export) -> None:
-    """UsageError where episodes are at different rates, or nobody told them: LeRobot knows one `fps`."""
+    """UsageError where rows or episodes are at different rates, or nobody told them: LeRobot knows one `fps`."""
+    if uneven := export.dataset.uneven:
+        raise UsageError(
+            f"episode {uneven[0]!r} with uneven times as lerobot",
+            expected="rows at one rate: a LeRobot dataset has one fps",
+            do="choose parquet, which keeps the time of each row",
+        )
     rates = 1.0 / export.dataset.periods
     rates = rates[np.isfinite(rates)]
     if not len(rates):
         raise UsageError(
             "a dataset without times as lerobot", expected="rows at a known rate", do="choose parquet"
         )
-    if rates.max() > rates.min() * (1 + _SAME):
+    if rates.max() > rates.min() * (1 + SAME_RATE):
         raise UsageError(
             f"episodes at {rates.min():.4g} to {rates.max():.4g} Hz as lerobot",
             expected="one rate: a LeRobot dataset has one fps",
@@ -41,7 +47,7 @@ def check(export: Export) -> None:
 def fps_of(export: Export) -> float:
     """Frames a second: the median rate, a whole number where it is one but for the clock's error."""
     rate = float(1.0 / np.nanmedian(export.dataset.periods))
-    return round(rate) if abs(round(rate) / rate - 1) < _SAME else rate
+    return round(rate) if abs(round(rate) / rate - 1) < SAME_RATE else rate
 
 
 def write(export: Export, folder: Path, name: str) -> None:
