@@ -79,9 +79,13 @@ def next_steps(result: Neighbours) -> tuple[str, ...]:
         more = command("query", result.recording_name, "--budget", str(2 * result.cost.rollouts))
         steps.append(f"Search on: {more}")
     if not result.parts.get("test"):
-        steps.append(
-            "No episode was held out. Record more episodes, or choose held-out episodes with --hold-out."
+        few = sum(map(len, result.parts.values())) < 3
+        do = (
+            "give [replay] of robot.toml a horizon that cuts episodes into windows"
+            if few
+            else "use --hold-out"
         )
+        steps.append(f"Nothing was held out. Record more episodes, or {do}.")
     if result.unclear or result.unended:
         steps.append(f"Ask what all of them lack: {diagnose}")
     elif result.untested:

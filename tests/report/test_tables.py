@@ -80,6 +80,9 @@ def test_without_an_interval_no_answer_is_recommended() -> None:
         assert "not known whether it is better than nominal" in verdict(one) and why in verdict(one)
         for said in (verdict(one), str(one)):
             assert why in said and "use" not in said
+    assert any("Nothing was held out" in step and "--hold-out" in step for step in next_steps(none))
+    single = none.model_copy(update={"parts": {"fit": ("run",), "select": (), "test": ()}})
+    assert any("[replay] of robot.toml a horizon" in step for step in next_steps(single))
     known = made_up_results.neighbours(kind="nominal", held_out=False)
     assert known.unknown == "", "the nominal simulator is no better than itself"
 
