@@ -44,7 +44,7 @@ def parts(
     """Split by trajectory; by blocks of windows where there are fewer than four episodes.
 
     hold_out : the test part: "SETTING=VALUE" (such as kp=400), names of episodes separated by commas, or a
-    share of the episodes such as 0.25. None holds out a fifth, of fewer than three trajectories nothing; "0" none at all.
+    share of the episodes such as 0.25. None holds out a fifth, and none of fewer than three; "0" none at all.
     selected : share of the rest that is to select by. paired : instead of it, trajectories alike make pairs, and one
     of each pair is to select by: what shows in one kind of motion alone is then seen by fit and select.
     Raises UsageError where the test part is empty, everything, or not understood.
