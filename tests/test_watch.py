@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import weakref
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,6 +14,7 @@ import tiny_registry
 
 from dynreg import session
 from dynreg.data.recording import Channel, Episode, Recording
+from dynreg.data.topics import Topic, mcap
 from dynreg.errors import UsageError
 from dynreg.registry import Registry
 from dynreg.sim.config import SimConfig
@@ -166,6 +168,26 @@ def test_foxglove_gets_both_robots_every_channel_and_its_residual(bench: Frames)
     one = found["/channels/arm/position"][5]
     assert one["residual"] == pytest.approx(one["simulated"] - one["measured"])
     assert log(bench) == log(bench)
+
+
+def test_a_log_of_many_messages_holds_a_few_of_them_at_a_time() -> None:
+    class Kept(dict):
+        __hash__ = object.__hash__  # as a thing that can be counted
+
+    alive, most = weakref.WeakSet(), []
+
+    def told(first: float):
+        for i in range(200):
+            alive.add(message := Kept(measured=float(i)))
+            most.append(len(alive))
+            yield first + 0.01 * i, message
+
+    topics = [Topic(f"/{name}", "dynreg.Channel", told(t)) for name, t in (("a", 0.5), ("b", 0.0))]
+    found = messages(mcap(topics))
+    assert max(most) <= 6
+    assert {name: [m["measured"] for m in some] for name, some in found.items()} == {
+        name: list(range(200)) for name in ("/a", "/b")
+    }
 
 
 def test_export_writes_a_recording_beside_a_simulator(opened, tmp_path: Path, dynreg_line) -> None:

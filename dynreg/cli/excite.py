@@ -31,9 +31,9 @@ def excite(
 ) -> None:
     """Write commands that separate effects, or let legs hang free.
 
-    The commands keep to the limits of the robot's actions. Play them on the robot, and diagnose the log. The last row
-    of each episode holds targets and sets torques, voltages and speeds to 0. Without torque a joint may fall or coast.
-    The note tells what no limit bounds.
+    The commands keep to the limits of the robot's actions. Play them on the robot, and diagnose the log. Targets end
+    each episode in the reset pose, in which the next begins after a pause. The last row holds them and sets torques,
+    voltages and speeds to 0. Without torque a joint may fall or coast. The note tells what no limit bounds.
 
     With --legs, each leg in turn hangs free and reverses, slowly and fast, while the base is held on a stand: backlash
     and elasticity show there, not where a leg carries the robot. The folder holds a file of commands for each leg, the

@@ -87,9 +87,13 @@ class Errors:
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """Errors by horizon, the shortest first; episodes tested, windows left out; traces of the longest rollouts."""
+    """Errors by horizon, the shortest first; episodes tested, windows left out; traces of the longest rollouts.
+
+    too_long : horizons [s] as long as nothing was held out.
+    """
 
     errors: tuple[Errors, ...]
+    too_long: tuple[float, ...]
     episodes: tuple[str, ...]
     left_out: tuple[str, ...]
     traces: tuple[Traced, ...]
@@ -107,17 +111,21 @@ def score(
 ) -> Scored:
     """Held-out errors of simulators (by name, each with its robot) at every horizon that the recording allows.
 
-    Windows of which a simulator has seen a row are left out, for all of them. hold_out : the only part to test on; see
+    Windows of which a simulator has seen a row are left out, for all of them. Horizons as long as nothing was held out
+    are left out, too. hold_out : the only part to test on; see
     `replay.parts`. Raises UsageError where nothing is held out from all, or a simulator is of a robot with other
     channels; LogError where the recording cannot be replayed.
     """
     for name, (owner, _) in simulators.items():
         _require_alike(robot, name, owner)
-    lengths = _horizons(robot, recording)
-    cuts = [_cut(robot, recording, seconds) for seconds in lengths]
+    every = _horizons(robot, recording)
+    cuts = [_cut(robot, recording, seconds) for seconds in every]
     left = [_unseen(robot, recording, cut, seen) for cut in cuts]
-    _require_some(recording, cuts[-1], left[-1], hold_out)
-    allowed = _held_out(recording, cuts[-1], hold_out, left[-1])
+    held = [_held_out(recording, cut, hold_out, mask) for cut, mask in zip(cuts, left, strict=True)]
+    while held and not held[-1].any():  # of a diagnosis of short windows, nothing longer may be held out
+        held.pop()
+    _require_some(held, hold_out)
+    lengths, cuts, left, allowed = every[: len(held)], cuts[: len(held)], left[: len(held)], held[-1]
     tested = {(recording.episodes[e].name) for e in cuts[-1].episode[allowed]}
     out, states = [], None
     for number, (cut, mask) in enumerate(zip(cuts, left, strict=True)):
@@ -133,6 +141,7 @@ def score(
     drawn = traced(robot, recording, cuts[-1], states, chosen, worst=0, channels=CHANNELS)
     return Scored(
         tuple(out),
+        tuple(every[len(held) :]),
         tuple(e.name for e in recording.episodes if e.name in tested),
         names(recording, cuts[-1], ~left[-1]),
         tuple(drawn),
@@ -167,9 +176,9 @@ def _held_out(recording: Recording, cut: Windows, hold_out: str | None, left: np
     return left if hold_out is None else left & parts(recording, cut, hold_out).test
 
 
-def _require_some(recording: Recording, cut: Windows, left: np.ndarray, hold_out: str | None) -> None:
-    """UsageError where nothing was held out from all simulators."""
-    if not _held_out(recording, cut, hold_out, left).any():
+def _require_some(held: list[np.ndarray], hold_out: str | None) -> None:
+    """UsageError where nothing was held out from all simulators, at no horizon."""
+    if not held:
         where = "of the recording" if hold_out is None else f"of hold-out {hold_out!r}"
         raise UsageError(
             f"every part {where} was seen by one of the simulators",
@@ -240,12 +249,14 @@ def _blocks(episode: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, int | No
     runs = np.unique(episode)
     if len(runs) >= EPISODES:
         return episode, None
-    each, out = -(-STRETCHES // len(runs)), np.zeros(len(episode), dtype=int)
+    out, begin = np.zeros(len(episode), dtype=int), 0
     for number, run in enumerate(runs):
+        each = (STRETCHES + len(runs) - 1 - number) // len(runs)
         own = np.flatnonzero(episode == run)
         own = own[np.argsort(rows[own, 0], kind="stable")]
         for stretch, some in enumerate(np.array_split(own, min(each, len(own)))):
-            out[some] = each * number + stretch
+            out[some] = begin + stretch
+        begin += each
     return out, len(runs)
 
 

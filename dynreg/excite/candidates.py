@@ -18,7 +18,10 @@ Wave = Callable[[np.ndarray, float], np.ndarray]  # times (T, 1) [s], duration [
 
 @dataclass(frozen=True)
 class Pool:
-    """Candidates: episodes of equal length that begin at rest in the reset pose, and what each is called."""
+    """Candidates: episodes of equal length that begin at rest in the reset pose, and what each is called.
+
+    Targets end in the reset pose, too.
+    """
 
     names: tuple[str, ...]
     run: Run

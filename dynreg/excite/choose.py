@@ -12,7 +12,7 @@ from dynreg.excite.limits import Limits
 from dynreg.excite.playing import begins
 from dynreg.excite.rivals import first_starts, strongest
 from dynreg.excite.separate import Judge, Pair
-from dynreg.sim.excitation import excitation, reset_pose
+from dynreg.sim.excitation import excitation, reset_pose, targets
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
@@ -126,12 +126,14 @@ def _settings(robot: Robot) -> np.ndarray:
 
 
 def _usual(robot: Robot, limits: Limits, steps: int, many: int, seed: int) -> Pool:
-    """The excitation of a usual diagnosis, begun at rest; what it draws of measured inputs nobody sets."""
+    """The excitation of a usual diagnosis, from rest and back; what it draws of measured inputs nobody sets."""
     made = excitation(robot, seed=seed, name="diagnose", episodes=many, steps=steps, reach=REACH)
     kinds, given = robot.file.excitation.kinds, len(robot.file.inputs)
     made.inputs[..., :given] = robot.input_defaults[:given]
     run = Run(
-        np.array([limits.keep(a, reset_pose(robot), 1.0 / robot.rate) for a in made.actions]),
+        np.array(
+            [limits.returned(a, reset_pose(robot), targets(robot), 1.0 / robot.rate) for a in made.actions]
+        ),
         inputs=made.inputs,
         settings=trial_settings(robot, many),
         period=1.0 / robot.rate,

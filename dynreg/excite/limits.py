@@ -13,6 +13,7 @@ from dynreg.sim.sets import is_limit
 
 INSIDE = 0.95  # of the room around their centre that patterns use at most
 CROWDED = 0.05  # of a range: less room on one side of the reset pose holds no half of a pattern
+BACK = 5  # in the last part of so many of an episode targets go back to the reset pose
 BEYOND = 0.02  # of its range that a joint may be expected to pass its stops
 
 
@@ -52,12 +53,27 @@ class Limits:
             last = out[t] = np.clip(wanted, last - step, last + step)
         return out
 
+    def returned(self, actions: np.ndarray, start: np.ndarray, held: np.ndarray, period: float) -> np.ndarray:
+        """Commands (T, A) that `keep` the limits, of which targets `held` (A,) end at `start` (A,).
+
+        Where nothing limits their rate, they take the last fifth of the commands for it.
+        """
+        kept, start = self.keep(actions, start, period), np.clip(start, self.low, self.high)
+        steps = max(len(kept) // BACK, 1)
+        step = np.minimum((1.0 - 1e-9) * self.rate * period, np.abs(kept - start).max(axis=0) / steps)
+        room = step * np.arange(len(kept))[::-1, None]
+        return np.where(held, np.clip(kept, start - room, start + room), kept)
+
 
 @dataclass(frozen=True)
 class Span:
-    """Where patterns go, each (A,): from the `pose` in which they begin to `below` and `above` their `centre`."""
+    """Where patterns go, each (A,): from the `pose` in which they begin to `below` and `above` their `centre`.
+
+    held : (A,) the targets, which end in the pose again.
+    """
 
     pose: np.ndarray
+    held: np.ndarray
     centre: np.ndarray
     below: np.ndarray
     above: np.ndarray
@@ -69,12 +85,12 @@ class Span:
         low, high = command_range(robot, pose).T
         centre = np.where(moving & crowded(robot), (low + high) / 2, pose)
         below, above = np.maximum(INSIDE * (centre - low), 0.0), np.maximum(INSIDE * (high - centre), 0.0)
-        return cls(pose, centre, below, above)
+        return cls(pose, targets(robot), centre, below, above)
 
     def commands(self, offsets: np.ndarray, limits: Limits, period: float) -> np.ndarray:
         """Commands (T, A) within the limits, of offsets (T, A) from the centre, which are shares of the room there."""
         wanted = self.centre + np.where(offsets > 0, self.above, self.below) * offsets
-        return limits.keep(wanted, self.pose, period)
+        return limits.returned(wanted, self.pose, self.held, period)
 
 
 def crowded(robot: Robot) -> np.ndarray:

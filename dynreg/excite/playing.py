@@ -1,4 +1,7 @@
-"""Commands as a robot plays them, episode after episode. A last row holds targets and sets all else to 0."""
+"""Commands as a robot plays them, episode after episode. A last row holds targets and sets all else to 0.
+
+Targets end in the reset pose (`Limits.returned`), where they are held until the next episode begins there.
+"""
 
 from collections.abc import Mapping, Sequence
 

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from dynreg.data.names import joint_of
 from dynreg.data.recording import Episode, Recording
-from dynreg.data.topics import Motion, Topic, joint_states, topics
+from dynreg.data.topics import Motion, Topic, in_order, joint_states, topics
 from dynreg.errors import LogError
 from dynreg.gait.trials import Trials
 from dynreg.replay.timed import held
@@ -49,12 +49,11 @@ def beside(trials: Trials, simulator: int, recording: Recording, episode: Episod
 
 
 def joined(parts: list[Topic]) -> list[Topic]:
-    """Topics of one name as one."""
-    out: dict[str, Topic] = {}
+    """Topics of one name as one, in the order of time: episodes may each begin at 0."""
+    named: dict[str, list[Topic]] = {}
     for part in parts:
-        before = list(out[part.name].messages) if part.name in out else []
-        out[part.name] = replace(part, messages=[*before, *part.messages])
-    return list(out.values())
+        named.setdefault(part.name, []).append(part)
+    return [replace(some[0], messages=in_order(*(part.messages for part in some))) for some in named.values()]
 
 
 def _names(robot: Robot) -> list[str]:

@@ -44,7 +44,7 @@ def parts(
     """Split by trajectory; by blocks of windows where there are fewer than four episodes.
 
     hold_out : the test part: "SETTING=VALUE" (such as kp=400), names of episodes separated by commas, or a
-    share of the episodes such as 0.25. None holds out a fifth; "0" none at all.
+    share of the episodes such as 0.25. None holds out a fifth, and none of fewer than three; "0" none at all.
     selected : share of the rest that is to select by. paired : instead of it, trajectories alike make pairs, and one
     of each pair is to select by: what shows in one kind of motion alone is then seen by fit and select.
     Raises UsageError where the test part is empty, everything, or not understood.
@@ -56,10 +56,12 @@ def parts(
     test = _test_groups(recording, windows, groups, numbers, hold_out, seed)
     rest = np.setdiff1d(numbers, test)
     if not len(rest):
+        cut = "give horizon in [replay] of robot.toml, at most a quarter of the episode"
+        less = "hold out less" if len(numbers) > 1 else cut
         raise UsageError(
             f"hold-out {hold_out!r} leaves nothing to choose by",
             expected="a part of the episodes",
-            do="hold out less, or record more episodes",
+            do=f"{less}, or record more episodes",
         )
     rng = stream(seed, "parts")
     mixed = rng.permutation(rest)

@@ -175,7 +175,7 @@ def _pair_table(of: Commands) -> RenderableType:
         )
         for pair in of.errors.pairs
     ]
-    columns = ("axis", "models", "difference", "95 % interval (Tukey)", "p Tukey", "p Wilcoxon, Holm")
+    columns = ("axis", "models", "difference", "95 % interval (Tukey)", "p Tukey", "p paired, Holm")
     return table(columns, rows, "which errors differ: unpaired as published, and paired by command")
 
 

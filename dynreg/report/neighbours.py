@@ -32,10 +32,15 @@ def verdict(result: Neighbours) -> str:
         return f"No simulator that was replayed is close to {name}: do not rely on the best one."
     if result.fits is False:
         return f"No simulator of this population fits {name}: do not rely on the best one."
+    if result.unended:
+        return f"For {name}, the search had not ended: do not rely on the best simulator yet."
     if result.answer_kind == "nominal":
         return f"For {name}, use the nominal model: no simulator near it did better."
     if result.unclear:
         return f"For {name}, no simulator here is clearly better than nominal."
+    if result.unknown:
+        better = f"not known whether it is better than nominal: {result.unknown}"
+        return f"For {name}, {_answer(result)} is the best, {better}."
     return f"For {name}, use {_answer(result)}."
 
 
@@ -54,7 +59,8 @@ def comparison(result: Neighbours) -> str:
     error = f"error on held-out data is {gain_words(result.gain, 'nominal')}"
     if result.fits is False:
         return f"The best is {_answer(result)}: its {error}. It is still too large for a fit."
-    return f"The best is {_answer(result)}: its {error}." if result.unclear else f"Its {error}."
+    said = result.unclear or result.unended
+    return f"The best is {_answer(result)}: its {error}." if said else f"Its {error}."
 
 
 def next_steps(result: Neighbours) -> tuple[str, ...]:
@@ -69,11 +75,18 @@ def next_steps(result: Neighbours) -> tuple[str, ...]:
         steps.append(
             "Where a parameter is at the edge of its range, widen the range in robot.toml and populate again."
         )
+    if result.unended:
+        more = command("query", result.recording_name, "--budget", str(2 * result.cost.rollouts))
+        steps.append(f"Search on: {more}")
     if not result.parts.get("test"):
-        steps.append(
-            "No episode was held out. Record more episodes, or choose held-out episodes with --hold-out."
+        few = sum(map(len, result.parts.values())) < 3
+        do = (
+            "give [replay] of robot.toml a horizon that cuts episodes into windows"
+            if few
+            else "use --hold-out"
         )
-    if result.unclear:
+        steps.append(f"Nothing was held out. Record more episodes, or {do}.")
+    if result.unclear or result.unended:
         steps.append(f"Ask what all of them lack: {diagnose}")
     elif result.untested:
         steps.append(f"See whether it is close: {command('query', result.recording_name)}")
@@ -112,8 +125,8 @@ def tables(result: Neighbours) -> Group:
     parts += [_neighbour_table(result), _stage_table(result)]
     if result.synthesised:
         title = "parameters of the synthesised simulator"
-        parts.append(estimate_table(result.synthesised.parameters, title, reliable=result.fits is not False))
-        parts += [Text(result.reliance)] if result.fits is False else []
+        parts.append(estimate_table(result.synthesised.parameters, title, reliable=result.reliable))
+        parts += [] if result.reliable else [Text(result.reliance)]
     if result.channels:
         parts.append(_channel_table(result))
     held_out = held_out_words(result.parts)
@@ -188,7 +201,7 @@ def page(result: Neighbours) -> dict[str, Any]:
         "tracks": _neighbour_tracks(result),
         "channels": _channel_bars(result),
         "not_scored": "" if all(c.scored for c in result.channels) else NOT_SCORED,
-        "interval_name": interval_words(result.fits is not False),
+        "interval_name": interval_words(result.reliable),
         "names": list(result.nominal.parameters),
         "units": {n: e.unit for n, e in result.synthesised.parameters.items()} if result.synthesised else {},
     }

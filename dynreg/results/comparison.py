@@ -28,7 +28,8 @@ class Pair(Result):
     """Two models on one axis: mean error of the first less that of the second, with its 95 % interval (Tukey).
 
     tukey : p-value for all pairs together; it takes the models' errors for independent samples, as the paper does.
-    paired : p-value of Wilcoxon's test on the same commands, corrected by Holm for all pairs of the axis.
+    paired : p-value on the same commands, corrected by Holm for all pairs of the axis: the larger of Wilcoxon's, for
+    independent commands, and of Student's over ten stretches of commands in a row. In older documents Wilcoxon's alone.
     """
 
     axis: str

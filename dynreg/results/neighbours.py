@@ -92,8 +92,8 @@ class Neighbours(Result):
     gain : of the answer over the nominal simulator, on the test part. Like every replay error it counts the scored
     channels alone, each in units of its motion and by its weight.
     measured : the nearest other recordings in the same population, at most k, where the distance compares models.
-    fits : whether the answer errs as a robot of the family would; null where nothing was replayed, so nothing was
-    judged (true in older documents).
+    fits : whether the answer errs as a robot of the family would; null where that is not known: nothing was replayed,
+    or misfit is above its limit and the search had not ended (true in older documents).
     misfit : error of the answer over the median of the errors that robots of the family would leave, under the same
     commands: simulated ones with noise, disturbed drives and finer time steps, and as unsteady as the recording's runs
     of the same commands. It is about 1 for a robot of the family. misfit_limit : 99 % of the robots of the family stay
@@ -137,12 +137,31 @@ class Neighbours(Result):
     def unclear(self) -> bool:
         """Whether held-out data do not show that the answer errs less than the nominal simulator.
 
-        The 90 % interval of the gain, over the held-out windows, reaches down to 0 or below. False where there is no
-        interval, and for the nominal simulator itself.
+        The 90 % interval of the gain reaches down to 0 or below; without an interval, the gain is 0 or less. False
+        where nothing was held out, and for the nominal simulator itself.
         """
-        if self.answer_kind == "nominal" or self.gain is None or self.gain.low is None:
+        if self.answer_kind == "nominal" or self.gain is None:
             return False
-        return self.gain.low <= 0.0
+        return (self.gain.value if self.gain.low is None else self.gain.low) <= 0.0
+
+    @property
+    def unknown(self) -> str:
+        """Why it is not known whether the answer errs less than the nominal simulator; "" where it is known."""
+        if self.answer_kind == "nominal" or self.untested or self.unclear:
+            return ""
+        if self.gain is None:
+            return "" if self.parts.get("test") else "nothing was held out"
+        return "too few windows were held out" if self.gain.low is None else ""
+
+    @property
+    def unended(self) -> bool:
+        """Whether the answer errs more than the limit allows, and a search that had not ended leaves open why."""
+        return self.alarm is None and self.misfit_limit is not None and self.misfit > self.misfit_limit
+
+    @property
+    def reliable(self) -> bool:
+        """Whether nothing speaks against the intervals of the synthesised simulator's parameters."""
+        return self.fits is not False and not self.unended
 
     @property
     def far(self) -> bool:
@@ -157,9 +176,12 @@ class Neighbours(Result):
     @property
     def reliance(self) -> str:
         """How far the intervals of the synthesised simulator's parameters can be relied on, in words."""
-        if self.fits is not False:
+        if self.reliable:
             return "These intervals hold if the model is complete."
-        return "Do not rely on these intervals: no simulator fits, so the model is not complete."
+        why = (
+            "the search had not ended" if self.unended else "no simulator fits, so the model is not complete"
+        )
+        return f"Do not rely on these intervals: {why}."
 
     def rows(self) -> list[dict[str, Any]]:
         return [
@@ -177,7 +199,8 @@ class Neighbours(Result):
 
     def brief(self) -> str:
         many = f"{len(self.neighbours)} neighbour{'' if len(self.neighbours) == 1 else 's'}"
-        fits = "not known whether it fits" if self.untested else "fits" if self.fits else "does not fit"
+        known = "fits" if self.fits else "does not fit"
+        fits = "not known whether it fits" if self.untested or self.unended else known
         return f"of {self.recording_name}: answer {self.answer[:12]}, {many}, {fits}"
 
     def __str__(self) -> str:
@@ -188,6 +211,11 @@ class Neighbours(Result):
             return f"{self.recording_name}: {self.answer[:12]} is the best of those replayed, and not close{gain}"
         if self.fits is False:
             return f"{self.recording_name}: no simulator of this population fits. The best is {self.answer[:12]}{gain}"
+        if self.unended:
+            return f"{self.recording_name}: the search had not ended. The best is {self.answer[:12]}{gain}"
         if self.unclear:
             return f"{self.recording_name}: no simulator here is clearly better than nominal{gain}"
+        if self.unknown:
+            best = f"{self.answer[:12]} is the best, not known whether better than nominal"
+            return f"{self.recording_name}: {best} ({self.unknown}){gain}"
         return f"{self.recording_name}: use the {self.answer_kind} simulator {self.answer[:12]}{gain}"

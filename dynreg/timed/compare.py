@@ -11,6 +11,7 @@ from dynreg.errors import SimulationError, UsageError
 from dynreg.timed.commands import AXES
 
 UNITS = ("cm", "cm", "deg")
+STRETCHES = 10  # of commands in a row that count as independent: neighbouring commands err alike
 FACTORS = np.array([100.0, 100.0, np.degrees(1.0)])  # from m and rad
 
 
@@ -29,7 +30,7 @@ class Spread:
 class Pair:
     """Two models on one axis: mean error of the first less that of the second, with its 95 % interval (Tukey).
 
-    tukey : p-value for all pairs and independent samples. paired : of Wilcoxon's signed ranks, by Holm.
+    tukey : p-value for all pairs and independent samples. paired : `paired_chance` of the pair, by Holm.
     """
 
     axis: str
@@ -79,7 +80,7 @@ def compared(moved: np.ndarray, predicted: Mapping[str, np.ndarray]) -> Errors:
     """How far predictions {model: (n, 3)} are from displacements (n, 3) [m, m, rad].
 
     Tukey's test takes the errors of the models for independent samples (Pretorius et al.); they are of the same
-    commands, so Wilcoxon's signed ranks, corrected by Holm's method, are told beside. Where no model's errors vary on
+    commands, so `paired_chance`, corrected by Holm's method, is told beside. Where no model's errors vary on
     an axis, models that are off alike have F = 0 and p = 1, others F = None (infinite) and p = 0. Raises UsageError for
     fewer than two models or three commands, SimulationError where a prediction is no number.
     """
@@ -116,9 +117,6 @@ def judged(errors: Mapping[str, np.ndarray], axis: str, unit: str) -> tuple[Vari
     """The tests of errors {model: (n,)} on one axis, in `unit`."""
     from scipy import stats
 
-    def ranks(differences: np.ndarray) -> float:
-        return float(stats.wilcoxon(differences).pvalue) if differences.any() else 1.0
-
     names, columns = list(errors), list(errors.values())
     steady = all(np.ptp(c) == 0.0 for c in columns)
     f, p = _without_scatter(columns) if steady else map(float, stats.f_oneway(*columns))
@@ -129,7 +127,7 @@ def judged(errors: Mapping[str, np.ndarray], axis: str, unit: str) -> tuple[Vari
         radius, chances = 0.0, [_without_scatter([columns[a], columns[b]])[1] for a, b in both]
     else:
         radius, chances = _tukey(columns, both)
-    paired = holm([ranks(columns[a] - columns[b]) for a, b in both])  # 1 where the models predict the same
+    paired = holm([paired_chance(columns[a] - columns[b]) for a, b in both])
     pairs = []
     for (a, b), tukey, chance in zip(both, chances, paired, strict=True):
         apart = float(columns[a].mean() - columns[b].mean())
@@ -147,6 +145,24 @@ def judged(errors: Mapping[str, np.ndarray], axis: str, unit: str) -> tuple[Vari
             )
         )
     return whole, pairs
+
+
+def paired_chance(differences: np.ndarray) -> float:
+    """The p-value of differences (n,) of two models' errors on commands in their order; 1 where all are 0.
+
+    The larger of two: Wilcoxon's, which takes commands for independent, and Student's of their signed ranks, summed in
+    `STRETCHES` stretches of commands in a row. The second holds where what makes neighbouring commands err alike lasts
+    much less than a stretch.
+    """
+    from scipy import stats
+
+    if not differences.any():
+        return 1.0
+    ranks = np.sign(differences) * stats.rankdata(np.abs(differences))
+    means = np.array([one.mean() for one in np.array_split(ranks, min(STRETCHES, len(ranks)))])
+    error = means.std(ddof=1) / np.sqrt(len(means))
+    apart = abs(means.mean()) / error if error > 0 else np.inf
+    return float(max(stats.wilcoxon(differences).pvalue, 2.0 * stats.t.sf(apart, len(means) - 1)))
 
 
 def _tukey(columns: list[np.ndarray], both: list[tuple[int, int]]) -> tuple[float, list[float]]:

@@ -14,6 +14,11 @@ from dynreg.sim.run import Run
 FLOOR = ("x", "y")  # quantities of a base that tell where it is on the floor
 
 
+def beginning(robot: Robot) -> str:
+    """Where each episode begins, and where targets end."""
+    return f"at rest in the reset pose{', to which its targets return' if targets(robot).any() else ''}"
+
+
 def ending(robot: Robot) -> str:
     """How the last row of each episode leaves the robot."""
     held = targets(robot)
@@ -22,10 +27,9 @@ def ending(robot: Robot) -> str:
 
 
 def largest_steps(robot: Robot, run: Run) -> np.ndarray:
-    """(A,) largest change from command to command, the first from the reset pose, the last to rest."""
-    first = np.tile(reset_pose(robot), (run.episodes, 1, 1))
-    played = np.concatenate([first, closed(robot, run.actions)], axis=1)
-    return np.abs(np.diff(played, axis=1)).max(axis=(0, 1))
+    """(A,) largest change from command to command, from the reset pose through all episodes as they are played."""
+    played = np.concatenate([reset_pose(robot)[None], *closed(robot, run.actions)])
+    return np.abs(np.diff(played, axis=0)).max(axis=0)
 
 
 def cautions(robot: Robot, limits: Limits, run: Run, reached: np.ndarray) -> Iterator[str]:

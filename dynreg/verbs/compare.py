@@ -54,7 +54,8 @@ def compare(asked: "Recorded", settings: CompareSettings, progress: Progress | N
     """Compare simulators by their held-out error.
 
     The simulators replay data that none of them was fitted to. Rollouts last 0.1, 0.5 and 1 s, and as long as
-    possible. Errors are given by channel, and relative to the first simulator with 90 % intervals.
+    possible, where as much was held out. Errors are given by channel, and relative to the first simulator with 90 %
+    intervals.
 
     For a robot on wheels, models are also made from the first 84 % of the commands and judged on the last 16 %:
     kinematic (the closed form), dynamic (the unicycle, fitted), table (the closed form, corrected in cells of wheel
@@ -190,8 +191,17 @@ def _scored(
     known = [seen(asked, one) for one in chosen.values()]
     how = {"threads": settings.threads, "progress": progress}
     try:
-        return score(asked.robot, asked.recording, simulators, known, settings.hold_out, **how), ()
+        scored = score(asked.robot, asked.recording, simulators, known, settings.hold_out, **how)
+        return scored, _too_long(scored)
     except DynregError as error:
         if commands is None:
             raise
         return None, (f"no rollouts are compared: {error}",)
+
+
+def _too_long(scored: "Scored") -> tuple[str, ...]:
+    """A note where rollouts of some lengths are left out."""
+    if not scored.too_long:
+        return ()
+    lengths = ", ".join(f"{seconds:.3g}" for seconds in scored.too_long)
+    return (f"rollouts of {lengths} s are left out: nothing so long was held out from all simulators",)

@@ -9,7 +9,7 @@ from dynreg.excite.playing import closed
 from dynreg.results.experiment import Experiment, LimitKept
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
-from dynreg.verbs.cautions import cautions, ending, largest_steps
+from dynreg.verbs.cautions import beginning, cautions, ending, largest_steps
 
 TRAVEL = ("x", "y", "z", "yaw")  # quantities of a base that tell how far it goes
 
@@ -66,7 +66,7 @@ def _note(chosen: Chosen, silent: list[str]) -> str:
     """Instructions: the pattern and settings of each episode, what no limit bounds, what evidence is not expected."""
     robot, pool, run = chosen.pair.robot, chosen.pool, chosen.pool.run
     length = f"{run.episodes} episodes of {run.steps * run.period:g} s"
-    parts = [f"{length}; begin each at rest in the reset pose; {ending(robot)}"]
+    parts = [f"{length}; begin each {beginning(robot)}; {ending(robot)}"]
     parts.append("; ".join(f"{e}: {name}" for e, name in enumerate(pool.names)))
     for k, table in enumerate(robot.file.settings):
         column = run.settings[:, k]

@@ -148,7 +148,7 @@ def judged(subject: Subject, chosen: Choice) -> Neighbours:
         gain=_gain(case, chosen),
         channels=_channels(case, chosen),
         traces=_traces(case, chosen),
-        fits=chosen.judgement.fits,
+        fits=chosen.judgement.fits if chosen.judgement.ended else None,
         misfit=chosen.judgement.misfit,
         misfit_limit=chosen.judgement.misfit_limit,
         sharpened=chosen.judgement.sharpened,

@@ -7,7 +7,7 @@ from dynreg.data.table import to_csv
 from dynreg.errors import command
 from dynreg.excite.legs import Hanging, HangingLegs
 from dynreg.results.protocol import ExpectedEvidence, LegCommands, LegProtocol
-from dynreg.verbs.cautions import cautions, ending
+from dynreg.verbs.cautions import beginning, cautions, ending
 from dynreg.verbs.experiment import commanded
 from dynreg.verbs.written import new_folder, write_out
 
@@ -56,7 +56,7 @@ def _leg(made: HangingLegs, one: Hanging) -> LegCommands:
     )
     operator = (
         f"Fix the base on a stand so that leg {one.leg} hangs free and touches nothing, whatever it does. Begin each"
-        f" episode at rest in the reset pose, play {one.leg}.csv, and log the joints. The other legs hold still;"
+        f" episode {beginning(made.robot)}; play {one.leg}.csv, and log the joints. The other legs hold still;"
         f" {ending(made.robot)}."
     )
     for sentence in cautions(made.robot, made.limits, run, one.reached):

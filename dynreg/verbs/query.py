@@ -72,7 +72,8 @@ def query(
     On a population of effects (`dynreg populate --effects --like RECORDING`) it shows which causes the recording looks
     like instead.
 
-    Where held-out data do not show that the answer errs less than the nominal simulator, the headline says so.
+    Where held-out data do not show that the answer errs less than the nominal simulator, or are too few to tell, the
+    headline says so. So it does where the search had not ended.
 
     Exit status 4: no simulator of the population fits the recording. The answer errs more than a right one would, by
     simulated robots with noise. The result is printed nevertheless.

@@ -217,7 +217,7 @@ def _completeness(answer: Answer, robot: Robot, effects: tuple[Carried, ...]) ->
 
 def _about(result: str, answer: Answer, found: Simulator, correlated: bool) -> dict[str, object]:
     """The facts of the whole file."""
-    reliable = answer.fits if isinstance(answer, Neighbours) else not answer.unexplained
+    reliable = answer.reliable if isinstance(answer, Neighbours) else not answer.unexplained
     partly = isinstance(answer, Diagnosis) and answer.verdict == "partly_explained"
     warning = answer.reliance if partly or not reliable else ""
     if isinstance(answer, Diagnosis) and answer.worse:

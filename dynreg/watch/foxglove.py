@@ -1,9 +1,11 @@
 """An MCAP log for Foxglove: joints and base, measured and simulated, every channel and its residual."""
 
+from collections.abc import Iterator
+
 import mujoco
 import numpy as np
 
-from dynreg.data.topics import Motion, Topic, joint_states, mcap, topics
+from dynreg.data.topics import Message, Motion, Topic, joint_states, mcap, topics
 from dynreg.watch.frames import Frames
 
 
@@ -37,10 +39,8 @@ def _moved(frames: Frames, side: str, poses: np.ndarray) -> list[Topic]:
     return topics(side, names, Motion(frames.times, angles, poses[:, at : at + 3], attitude))
 
 
-def _messages(times: np.ndarray, values: dict[str, np.ndarray]) -> list[tuple[float, dict[str, float]]]:
-    out = []
-    for t, row in zip(times.tolist(), np.stack([*values.values()], axis=1).tolist(), strict=True):
-        message = {name: value for name, value in zip(values, row, strict=True) if np.isfinite(value)}
+def _messages(times: np.ndarray, values: dict[str, np.ndarray]) -> Iterator[Message]:
+    for t, row in zip(times, np.stack([*values.values()], axis=1), strict=True):
+        message = {name: v for name, v in zip(values, row.tolist(), strict=True) if np.isfinite(v)}
         if message:
-            out.append((t, message))
-    return out
+            yield float(t), message

@@ -80,4 +80,4 @@ def test_few_runs_count_in_stretches_of_each_and_many_whole(runs: int, within: i
     blocks, found = _blocks(episode, rows)
     assert found == within
     assert all(len(np.unique(episode[blocks == b])) == 1 for b in np.unique(blocks)), "no block crosses runs"
-    assert len(np.unique(blocks)) == (runs if within is None else runs * -(-STRETCHES // runs))
+    assert len(np.unique(blocks)) == (runs if within is None else STRETCHES)

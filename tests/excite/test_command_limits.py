@@ -44,7 +44,7 @@ def test_targets_without_limits_reach_as_far_as_in_a_population(tmp_path: Path) 
 
 
 def test_a_joint_that_rests_at_an_end_of_its_range_moves_about_the_middle(tmp_path: Path) -> None:
-    file = {ELBOW: "low = 0.0\nhigh = 2.4", DRIVE: f"{DRIVE}speed_limit = 1.5\n"}
+    file = {ELBOW: "low = 0.0\nhigh = 2.4", DRIVE: f"{DRIVE}speed_limit = 6.0\n"}
     robot = changed(tmp_path / "arm", "two_joint_arm", file)
     limits = Limits.of(robot)
     made = pool(robot, limits, ("elbow",), STEPS, 0)
@@ -53,11 +53,12 @@ def test_a_joint_that_rests_at_an_end_of_its_range_moves_about_the_middle(tmp_pa
     by_name = dict(zip(made.names, actions[..., 1], strict=True))
     wide = by_name["triangle of 4 s, reach 0.9"]
     assert wide.min() < 0.2 and wide.max() > 2.2
+    # from when they are there to when they go back: a period
     above, below = (by_name[f"triangle of 2 s, reach 0.2, around {centre}"] for centre in ("+0.5", "-0.5"))
-    assert above[200:].mean() == pytest.approx(1.2 + 0.57, abs=0.05)
-    assert below[200:].mean() == pytest.approx(1.2 - 0.57, abs=0.05) and np.ptp(below[200:]) > 0.4
+    assert above[100:300].mean() == pytest.approx(1.2 + 0.57, abs=0.05)
+    assert below[100:300].mean() == pytest.approx(1.2 - 0.57, abs=0.05) and np.ptp(below[100:300]) > 0.4
     from_pose = np.concatenate([np.zeros((len(actions), 1)), actions[..., 1]], axis=1)
-    assert np.abs(np.diff(from_pose, axis=1)).max() <= 1.5 / robot.rate, (
+    assert np.abs(np.diff(from_pose, axis=1)).max() <= 6.0 / robot.rate, (
         "the rate is kept from the reset pose on"
     )
 

@@ -8,13 +8,16 @@ import pytest
 from changed_robot import changed
 
 from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.excite.candidates import pool
+from dynreg.excite import choose
+from dynreg.excite.candidates import both, pool
 from dynreg.excite.limits import Limits
 from dynreg.excite.playing import PAUSE, closed, played
 from dynreg.replay.cut import windows
 from dynreg.sim.engines import rollout
+from dynreg.sim.excitation import reset_pose, targets
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
+from dynreg.verbs.cautions import largest_steps
 
 STEPS = 50
 
@@ -52,6 +55,29 @@ def test_targets_are_held(tmp_path: Path) -> None:
     actions = some(mixed).actions
     last = closed(mixed, actions)[:, -1]
     assert (last[:, 0] == actions[:, -1, 0]).all() and (last[:, 1] == 0.0).all()
+
+
+@pytest.mark.parametrize("name", ["servo_pendulum", "so101", "leg", "six_joint_arm"])
+def test_no_target_jumps_from_an_episode_to_the_next(name: str) -> None:
+    """On one clock, every candidate and the usual episodes in turn, through the pauses that hold the last row."""
+    robot = load_robot(name)
+    limits, pose, held = Limits.of(robot), reset_pose(robot), targets(robot)
+    usual = choose._usual(robot, limits, 100, 4, 0)
+    every = both(pool(robot, limits, (), 100, 0), usual)
+    recording = played(robot, every.run, every.names, {})
+    rows = np.concatenate([pose[None], *(e.values[:, : len(pose)] for e in recording.episodes)])
+    steps = np.abs(np.diff(rows, axis=0))[:, held]
+    assert (steps <= limits.rate[held] / robot.rate + 1e-9).all()
+    assert all((e.values[-1, : len(pose)] == pose)[held].all() for e in recording.episodes)
+    assert largest_steps(robot, every.run)[held] == pytest.approx(steps.max(axis=0))
+
+
+def test_a_target_without_a_rate_limit_goes_back_over_a_fifth_of_the_commands() -> None:
+    free = Limits(np.array([-9.0]), np.array([9.0]), np.array([np.inf]))
+    back = free.returned(np.full((20, 1), 4.0), np.zeros(1), np.array([True]), 0.1)[:, 0]
+    assert (back[:16] == 4.0).all() and back[15:] == pytest.approx([4.0, 3.0, 2.0, 1.0, 0.0])
+    torque = free.returned(np.full((20, 1), 4.0), np.zeros(1), np.array([False]), 0.1)
+    assert (torque == 4.0).all()
 
 
 def test_a_drive_that_was_switched_off_stays_off() -> None:

@@ -75,6 +75,12 @@ def test_a_query_that_is_not_clearly_better_than_nominal_says_so_in_its_file(
     assert not opened.export_ranges("secret 1", tmp_path / "clear.toml").warning
 
 
+def test_an_unended_search_gives_no_reliable_ranges(changed, tmp_path: Path) -> None:
+    opened, identity = changed(fits=None, misfit=34.0, misfit_limit=1.5, alarm=None)
+    told = opened.export_ranges(identity, tmp_path / "unended.toml")
+    assert not told.reliable and "the search had not ended" in told.warning
+
+
 def test_a_recording_means_its_newest_result(changed, tmp_path: Path) -> None:
     opened, identity = changed(k=2)
     assert opened.export_ranges("secret 0", tmp_path / "a.toml").result == identity

@@ -78,6 +78,18 @@ def test_what_can_be_held_out(hold_out, test):
     assert len(held) == test if isinstance(test, int) else held == test
 
 
+@pytest.mark.parametrize("hold_out", ["0.25", "e0"])
+def test_of_an_episode_that_is_one_window_nothing_can_be_held_out_without_a_horizon(hold_out):
+    recording, windows = made([1])
+    assert not parts(recording, windows, None).test.any()
+    with pytest.raises(UsageError, match=r"horizon in \[replay\] of robot.toml.*or record more episodes"):
+        parts(recording, windows, hold_out)
+    cut = made([4])
+    assert parts(*cut, "0.25").test.sum() == 1
+    with pytest.raises(UsageError, match="hold out less, or record more"):
+        parts(*made([2] * 6), "kp=200,100.0")
+
+
 @pytest.mark.parametrize("hold_out", ["kp=400", "kp=high", "e9", "mass=1", "1.0", "-0.2", "nan", "inf"])
 def test_what_cannot_be_held_out_is_refused(hold_out):
     with pytest.raises(UsageError, match="hold-out"):

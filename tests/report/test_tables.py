@@ -68,6 +68,38 @@ def test_an_answer_that_held_out_data_do_not_show_to_be_better_is_not_recommende
         assert refusal(unclear) is None, "the family fits"
 
 
+def test_without_an_interval_no_answer_is_recommended() -> None:
+    """Too few windows, or none, held out: a loss is told as one, a gain as not known to be one."""
+    found = made_up_results.neighbours()
+    worse = found.model_copy(update={"gain": Gain(value=-0.64, low=None, high=None)})
+    assert verdict(worse) == "For bench_monday, no simulator here is clearly better than nominal."
+    assert "64 % higher" in comparison(worse) and not any("export" in step for step in next_steps(worse))
+    few = found.model_copy(update={"gain": Gain(value=0.3, low=None, high=None)})
+    none = made_up_results.neighbours(held_out=False).model_copy(update={"gain": None})
+    for one, why in ((few, "too few windows were held out"), (none, "nothing was held out")):
+        assert "not known whether it is better than nominal" in verdict(one) and why in verdict(one)
+        for said in (verdict(one), str(one)):
+            assert why in said and "use" not in said
+    assert any("Nothing was held out" in step and "--hold-out" in step for step in next_steps(none))
+    single = none.model_copy(update={"parts": {"fit": ("run",), "select": (), "test": ()}})
+    assert any("[replay] of robot.toml a horizon" in step for step in next_steps(single))
+    known = made_up_results.neighbours(kind="nominal", held_out=False)
+    assert known.unknown == "", "the nominal simulator is no better than itself"
+
+
+def test_an_answer_whose_search_had_not_ended_is_not_to_be_relied_on() -> None:
+    """Whether it fits is not known: the alarm is silent, and no more than that."""
+    changes = {"fits": None, "misfit": 34.0, "misfit_limit": 1.5, "sharpened": True}
+    found = made_up_results.neighbours().model_copy(update=changes)
+    for said in (verdict(found), str(found)):
+        assert "the search had not ended" in said and "use" not in said
+    assert refusal(found) is None and "not known whether it fits" in found.brief()
+    assert not found.reliable and "the search had not ended" in found.reliance
+    assert any(f"--budget {2 * found.cost.rollouts}" in step for step in next_steps(found))
+    assert not any("export" in step for step in next_steps(found))
+    assert "unreliable interval" in text_of(found)
+
+
 def test_a_loss_is_not_called_a_gain() -> None:
     worse = made_up_results.neighbours().model_copy(update={"gain": Gain(value=-0.2, low=None, high=None)})
     assert "20 % higher than nominal" in comparison(worse) and "too few windows" in comparison(worse)

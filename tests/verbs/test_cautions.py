@@ -9,7 +9,7 @@ from dynreg.excite.candidates import pool
 from dynreg.excite.limits import Limits
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
-from dynreg.verbs.cautions import cautions, ending, largest_steps
+from dynreg.verbs.cautions import beginning, cautions, ending, largest_steps
 
 STEPS = 100
 
@@ -62,6 +62,11 @@ def test_commands_without_limits_and_bases_are_told() -> None:
         == "keep the floor free: expected are base/x from -0.5 to 1.25 m, base/y from -0.5 to 1.25 m"
     )
     assert told(load_robot("husky")) == "keep the floor free: no channel tells where the base goes"
+
+
+def test_where_episodes_begin() -> None:
+    assert beginning(load_robot("leg")) == "at rest in the reset pose, to which its targets return"
+    assert beginning(load_robot("diffdrive")) == "at rest in the reset pose"
 
 
 def test_how_episodes_end() -> None:

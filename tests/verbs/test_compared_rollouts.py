@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import dynreg
+from dynreg.compare.rollouts import score
 from dynreg.errors import UsageError
 from dynreg.evidence.truth import Hidden, hide, log_of, protocol
 from dynreg.report import comparison as words
@@ -15,6 +16,7 @@ from dynreg.session import Session
 from dynreg.sim.config import SimConfig
 from dynreg.sim.effects import term
 from dynreg.sim.robot import Robot, load_robot
+from dynreg.verbs.compare import _too_long
 from dynreg.verbs.simulator import Simulator
 from dynreg.verbs.unseen import seen
 
@@ -141,6 +143,27 @@ def test_windows_that_a_diagnosis_of_few_windows_held_out_are_unseen(
     assert known(name, begin - 0.5, begin + 1.0) and known(
         name, begin + held_out - 0.5, begin + held_out + 0.5
     )
+
+
+def test_where_only_short_windows_were_held_out_the_longest_that_fit_are_compared(
+    robot: Robot, long: dynreg.Recording
+) -> None:
+    """As of a diagnosis with a horizon of 1 s: no rollout of 10 s lies in what it held out."""
+    begin = float(long.episodes[0].time[0]) + 12.0
+
+    def known(episode: str, first: float, last: float) -> bool:
+        return not (begin - 1e-6 <= first and last <= begin + 1.0 + 1e-6)
+
+    rng = np.random.default_rng(0)
+    values = (robot.space.nominal, robot.space.from_unit(rng.uniform(0.3, 0.7, len(robot.space))))
+    simulators = {str(i): (robot, SimConfig.of(robot, one)) for i, one in enumerate(values)}
+    found = score(robot, long, simulators, [known, known])
+    assert [e.seconds for e in found.errors] == [0.1, 0.5, 1.0] and found.too_long == (10.0,)
+    assert [e.rollouts for e in found.errors] == [10, 2, 1] and found.errors[-1].whole
+    assert "rollouts of 10 s are left out: nothing so long was held out" in _too_long(found)[0]
+    assert found.traces, "of the longest that are left"
+    with pytest.raises(UsageError, match="every part of the recording was seen"):
+        score(robot, long, simulators, [known, lambda *_: True])
 
 
 def test_windows_of_one_episode_that_a_result_held_out_are_tested(
