@@ -14,6 +14,7 @@ from dynreg.replay.judged import Traced, ratio, traced
 from dynreg.replay.parts import names, parts
 from dynreg.replay.residual import scaled
 from dynreg.replay.rows import rows_of
+from dynreg.replay.standing_place import begins_anywhere
 from dynreg.replay.windows import Windows
 from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.engines import rollout
@@ -156,10 +157,13 @@ def _horizons(robot: Robot, recording: Recording) -> list[float]:
 
 
 def _cut(robot: Robot, recording: Recording, seconds: float) -> Windows:
-    """The recording's windows of this length without holes."""
+    """The recording's windows of this length without holes, where replays can begin as the robot did."""
     table = robot.file.replay.model_copy(update={"horizon": seconds})
     cut = windows(replace(robot, file=robot.file.model_copy(update={"replay": table})), recording)
-    return cut.take(np.flatnonzero(~hit(cut, holes(robot, recording))))
+    kept = ~hit(cut, holes(robot, recording))
+    if not begins_anywhere(robot):
+        kept &= np.diff(cut.episode, prepend=-1) > 0  # the first of each episode
+    return cut.take(np.flatnonzero(kept))
 
 
 def _unseen(robot: Robot, recording: Recording, cut: Windows, seen: Sequence[Seen]) -> np.ndarray:

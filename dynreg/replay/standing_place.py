@@ -13,13 +13,18 @@ PLACE = tuple(BASE.index(name) for name in ("x", "y", "yaw"))
 AT_REST = 5.0  # times its noise: nearer than that to the origin it stands there
 
 
+def begins_anywhere(robot: Robot) -> bool:
+    """Whether replays begin in any measured state; a floating base that no log places begins in the keyframe's pose."""
+    return not robot.floating or robot.file.reset.base == "measured"
+
+
 def from_the_start(robot: Robot, measured: np.ndarray) -> np.ndarray:
     """Rows (W, T+1, S) with the place and heading of the base counted from those of each window's first row.
 
     Velocities are told in the frame of the body, and stay. Windows that begin at the origin but for noise stay as they
     are, and so do all of a robot that has no floating base, or whose simulations begin where the log says.
     """
-    if not robot.floating or robot.file.reset.base == "measured":
+    if begins_anywhere(robot):
         return measured
     columns, which = layout_of(robot).base
     found = {int(i): int(c) for c, i in zip(columns, which, strict=True) if i in PLACE}
