@@ -102,7 +102,7 @@ def made(truth: Truth, *, starts: int, threshold_runs: int) -> dict:
         stored = session.registry.simulator(found.extended_simulator or found.calibrated_simulator)
     config = SimConfig.from_dict(stored)
     plan = ModelPlan(("kinematic", "network"), np.inf, starts, 1, seed=truth.seed, threads=1)
-    done = compare(robot, log, {"extended": (robot, config)}, plan)
+    done = compare(robot, log, {"extended": (robot, config)}, plan, {})
     fit, _, test = done.parts
     commands, moved, track = done.told.commands, done.told.moved, done.told.track
     dynamic = fitted(commands.take(fit), moved[fit], track)

@@ -19,7 +19,7 @@ QUICK = (
     "results",
     "cli/test_choices.py",
     "cli/test_whole_way.py",
-    "sim/test_film.py",
+    "sim/test_film.py::test_a_strip_has_four_stills_side_by_side",
     "data/test_ingest.py",
 )
 SETTINGS = """[pytest]

@@ -12,6 +12,7 @@ import numpy as np
 from dynreg.compare.contenders import MODELS, Making, Plan, Predicts, made
 from dynreg.compare.paces import Pace, paces
 from dynreg.compare.paths import DrivenPath, Paths, driven, ends, runs
+from dynreg.compare.rollouts import Seen
 from dynreg.compare.simulated import replayed
 from dynreg.data.recording import Recording
 from dynreg.errors import LogError
@@ -49,10 +50,13 @@ def compare(
     recording: Recording,
     simulators: Mapping[str, tuple[Robot, SimConfig]],
     plan: Plan,
+    seen: Mapping[str, Seen],
     progress: Progress | None = None,
 ) -> Compared:
     """Make the models, replay the simulators (by name, each with its robot), and compare them on the last commands.
 
+    seen : by simulator, what it was fitted to. One that has seen some of the last commands is in no pair, and the best
+    only where no other is left.
     Raises RobotError where the robot has no wheels, LogError where the recording holds no commands, no pose or too few
     commands, SimulationError where a simulator diverges.
     """
@@ -81,11 +85,21 @@ def compare(
         told=found,
         parts=(fit, validation, test),
         contenders=contenders,
-        errors=compared(found.moved[which], {n: c.moved(which) for n, c in contenders.items()}),
+        errors=compared(
+            found.moved[which],
+            {n: c.moved(which) for n, c in contenders.items()},
+            [name for name, known in seen.items() if _any_seen(found, recording, which, known)],
+        ),
         paths=ends(found, contenders, ten),
         driven=driven(found, recording, pose_names(robot, recording.names), contenders, ten),
         paces=paces(found, contenders, which),
     )
+
+
+def _any_seen(found: Told, recording: Recording, which: np.ndarray, known: Seen) -> bool:
+    """Whether one of some commands (indexes) was seen."""
+    spans = zip(found.episode[which], found.begin[which], found.end[which], strict=True)
+    return any(known(recording.episodes[e].name, float(begin), float(end)) for e, begin, end in spans)
 
 
 def parts(many: int, do: str = "record more") -> tuple[slice, slice, slice]:

@@ -59,7 +59,8 @@ class Variance(Result):
 class Errors(Result):
     """Models of a wheeled robot on commands that none of them was fitted to.
 
-    models : {name: {axis: errors}}. displacements : {axis: mean absolute displacement}.
+    models : {name: {axis: errors}}. displacements : {axis: mean absolute displacement}. seen : simulators that may have
+    been fitted to some of the commands: they are in no pair. Empty in older documents.
     """
 
     commands: int
@@ -67,6 +68,7 @@ class Errors(Result):
     displacements: dict[str, float]
     variance: tuple[Variance, ...]
     pairs: tuple[Pair, ...]
+    seen: tuple[str, ...] = ()
 
     def rows(self) -> list[dict[str, Any]]:
         return [
@@ -197,13 +199,15 @@ class Commands(Result):
             for name in (pair.first, pair.second)
             if self.best in (pair.first, pair.second) and pair.paired < level
         }
-        return tuple(name for name in self.names if name != self.best and name not in apart)
+        return tuple(name for name in self.names if name not in {self.best, *apart, *self.errors.seen})
 
     def __str__(self) -> str:
         found = [(axis, self.errors.models[self.best][axis]) for axis in self.axes]
         means = ", ".join(f"{axis} {spread.mean:.3g} {spread.unit}" for axis, spread in found)
         alike = self.alike()
         others = f"; {' and '.join(alike)} cannot be told from it" if alike else ""
+        seen = " and ".join(self.errors.seen)
+        others += f"; {seen} may have seen them, and does not count" if seen else ""
         return f"On the last {self.errors.commands} commands, {self.best} is off least ({means} on average){others}"
 
 

@@ -1,6 +1,6 @@
 """Models of displacements compared: errors by axis, analysis of variance, Tukey's test and a paired one."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cache
 from itertools import combinations
@@ -57,32 +57,38 @@ class Variance:
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors {model: {axis: spread}}, the mean absolute displacement of each axis, and the tests."""
+    """Errors {model: {axis: spread}}, the mean absolute displacement of each axis, and the tests.
+
+    seen : the models that may have been fitted to these commands: in no pair, and not the best beside others.
+    """
 
     commands: int
     models: Mapping[str, Mapping[str, Spread]]
     displacements: Mapping[str, float]
     variance: tuple[Variance, ...]
     pairs: tuple[Pair, ...]
+    seen: tuple[str, ...] = ()
 
     @property
     def best(self) -> str:
-        """The model with the least error as a share of the displacements, over all axes."""
+        """The model with the least error as a share of displacements, over all axes, no `seen` one beside others."""
         size = self.displacements
         share = {
             name: sum(spread.mean / size[axis] for axis, spread in axes.items() if size[axis] > 0)
             for name, axes in self.models.items()
         }
-        return min(share, key=share.__getitem__)
+        return min([name for name in share if name not in self.seen] or share, key=share.__getitem__)
 
 
-def compared(moved: np.ndarray, predicted: Mapping[str, np.ndarray]) -> Errors:
+def compared(moved: np.ndarray, predicted: Mapping[str, np.ndarray], seen: Collection[str] = ()) -> Errors:
     """How far predictions {model: (n, 3)} are from displacements (n, 3) [m, m, rad].
 
     Tukey's test takes the errors of the models for independent samples (Pretorius et al.); they are of the same
-    commands, so `paired_chance`, corrected by Holm's method, is told beside. Where no model's errors vary on
-    an axis, models that are off alike have F = 0 and p = 1, others F = None (infinite) and p = 0. Raises UsageError for
-    fewer than two models or three commands, SimulationError where a prediction is no number.
+    commands, so `paired_chance`, corrected by Holm's method, is told beside. Where no model's errors vary on an axis,
+    models that are off alike have F = 0 and p = 1, others F = None (infinite) and p = 0. seen : models that may have
+    been fitted to the commands, which no test compares with others; the analysis of variance leaves them out where
+    two others are left. Raises UsageError for fewer than two models or three commands, SimulationError where a
+    prediction is no number.
     """
     if len(predicted) < 2 or len(moved) < 3:
         raise UsageError(
@@ -99,17 +105,20 @@ def compared(moved: np.ndarray, predicted: Mapping[str, np.ndarray]) -> Errors:
                 do="leave it out, or fit it to more commands such as these",
             )
     errors = {name: np.abs(p - moved) * FACTORS for name, p in predicted.items()}
+    fair = [name for name in errors if name not in seen]
+    tested = fair if len(fair) > 1 else list(errors)
     variance, pairs = [], []
     for at, (axis, unit) in enumerate(zip(AXES, UNITS, strict=True)):
-        whole, each = judged({name: e[:, at] for name, e in errors.items()}, axis, unit)
+        whole, each = judged({name: errors[name][:, at] for name in tested}, axis, unit)
         variance.append(whole)
-        pairs += each
+        pairs += each if tested == fair else []
     return Errors(
         commands=len(moved),
         models={name: dict(zip(AXES, map(spread, e.T, UNITS), strict=True)) for name, e in errors.items()},
         displacements=dict(zip(AXES, map(float, (np.abs(moved) * FACTORS).mean(axis=0)), strict=True)),
         variance=tuple(variance),
         pairs=tuple(pairs),
+        seen=tuple(name for name in errors if name in seen),
     )
 
 

@@ -169,9 +169,11 @@ def _commands(
 ) -> "Compared":
     """Models and simulators on the last commands of a wheeled robot's recording."""
     from dynreg.compare.compare import compare as compare_all
+    from dynreg.verbs.unseen import seen
 
+    known = {name: seen(asked, one) for name, one in chosen.items()}
     replayed = {name: (one.robot, one.config) for name, one in chosen.items()}
-    return compare_all(asked.robot, asked.recording, replayed, plan, progress)
+    return compare_all(asked.robot, asked.recording, replayed, plan, known, progress)
 
 
 def _scored(

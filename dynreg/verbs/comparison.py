@@ -142,20 +142,18 @@ def _simulator(name: str, simulator: Simulator) -> Contender:
 
 
 def _seen(asked: Recorded, simulators: Mapping[str, Simulator], found: Compared) -> tuple[str, ...]:
-    """Which simulators were fitted to episodes that hold commands to test, and to how many of these."""
+    """Which simulators have seen commands to test, and how many of these their episodes hold."""
     names = np.array([e.name for e in asked.recording.episodes])[found.told.episode[found.parts[-1]]]
     out = []
-    for name, one in simulators.items():
-        if one.fitted_to is None:
-            out.append(
-                f"{name} was fitted to this recording, and it is not known to which part. It may have seen the test"
-                " commands; models made here have not"
-            )
-        elif many := int(np.isin(names, sorted(one.fitted_to | one.inherited)).sum()):
-            out.append(
-                f"{name} was fitted to episodes that hold {many} of the {len(names)} test commands. It may have"
-                " seen them; models made here have not"
-            )
+    for name in found.errors.seen:
+        one, fitted = simulators[name], "this recording, and it is not known to which part"
+        if one.fitted_to is not None:
+            many = int(np.isin(names, sorted(one.fitted_to | one.inherited)).sum())
+            fitted = f"episodes that hold {many} of the {len(names)} test commands"
+        out.append(
+            f"{name} was fitted to {fitted}. It may have seen them, which models made here have not: it is in no pair,"
+            " and not off least beside others"
+        )
     return tuple(out)
 
 

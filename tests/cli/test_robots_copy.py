@@ -14,7 +14,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("name", ["servo_pendulum", "emps", "aibo"])
+@pytest.mark.parametrize("name", ["servo_pendulum", "emps", pytest.param("aibo", marks=pytest.mark.slow)])
 def test_a_packaged_robot_is_copied_whole_but_for_its_name(dynreg, here: Path, name: str) -> None:
     made = dynreg("robots", "copy", name, "mine")
     assert (

@@ -1,6 +1,8 @@
 """Legs that hang free in turn: slow and fast reversals within the limits, in which play is found."""
 
+from copy import deepcopy
 from dataclasses import replace
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +19,23 @@ from dynreg.excite.legs import Hanging, HangingLegs, hanging_legs
 from dynreg.sim.effects import term
 from dynreg.sim.excitation import reset_pose
 from dynreg.sim.robot import load_robot
+from dynreg.sim.run import Rollout
 
 SECONDS = 20.0  # of a leg: three episodes each to fit and to select
 
 
 @pytest.fixture(scope="module")
-def made() -> HangingLegs:
-    return hanging_legs(load_robot("quadruped"), ("fl",), seconds=SECONDS)
+def simulated() -> list[Rollout]:
+    """What was simulated for `made`, in the order in which it was asked for."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def made(simulated: list[Rollout]) -> HangingLegs:
+    simulate = legs.rollout
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(legs, "rollout", lambda *a, **k: simulated.append(simulate(*a, **k)) or simulated[-1])
+        return hanging_legs(load_robot("quadruped"), ("fl",), seconds=SECONDS)
 
 
 @pytest.fixture(scope="module")
@@ -69,8 +81,12 @@ def test_the_commands_are_a_log(made: HangingLegs, leg: Hanging) -> None:
     assert all(before[1] < after[0] for before, after in zip(ends, ends[1:], strict=False))
 
 
-def test_the_same_seed_gives_the_same_commands(leg: Hanging) -> None:
+def test_the_same_seed_gives_the_same_commands(
+    leg: Hanging, simulated: list[Rollout], monkeypatch: pytest.MonkeyPatch
+) -> None:
     again = hanging_legs(load_robot("quadruped"), ("fl",), seconds=SECONDS, threads=1).legs[0]
+    same = iter(simulated)  # so that the seed alone makes other commands, and nothing is simulated for it
+    monkeypatch.setattr(legs, "rollout", lambda *_, **__: next(same))
     other = hanging_legs(load_robot("quadruped"), ("fl",), seconds=SECONDS, seed=1).legs[0]
     assert (again.run.actions == leg.run.actions).all() and not (other.run.actions == leg.run.actions).all()
 
@@ -95,13 +111,16 @@ def test_every_episode_ends_with_a_row_that_holds(made: HangingLegs, leg: Hangin
         assert (episode.values[:-1] == actions).all() and (episode.values[-1] == actions[-1]).all()
 
 
-def test_patterns_that_diverge_are_left_out(leg: Hanging, monkeypatch) -> None:
-    """A fast one that was taken before, and a slow one."""
+def test_patterns_that_diverge_are_left_out(
+    leg: Hanging, simulated: list[Rollout], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A fast one that was taken before, and a slow one; all else does what it did."""
     lost = [commands_of(leg, name) for name in (leg.patterns[1], leg.patterns[0])]
-    simulate = legs.rollout
+    did = cycle(simulated)
 
     def diverging(robot, values, run, **asked):
-        out = simulate(robot, values, run, **asked)
+        out = deepcopy(next(did))
+        assert len(out.states) == len(values)
         for actions in lost[:many]:
             out.states[:, (run.actions == actions).all(axis=(1, 2)), 5:] = np.nan
         return out

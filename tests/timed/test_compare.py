@@ -123,6 +123,18 @@ def test_a_prediction_that_is_no_number_is_refused() -> None:
         compared(moved, {"right": moved, "wild": wild})
 
 
+def test_a_model_that_may_have_seen_the_commands_is_not_ranked() -> None:
+    noise = stream(5, "noise").standard_normal((3, 40, 3))
+    moved = noise[0]
+    given = {"fitted": moved, "a": moved + 0.1 * noise[1], "b": moved + 0.2 * noise[2]}
+    assert compared(moved, given).best == "fitted"
+    found = compared(moved, given, ["fitted"])
+    assert found.best == "a" and found.seen == ("fitted",) and "fitted" in found.models
+    assert [(p.first, p.second) for p in found.pairs] == [("a", "b")] * 3
+    alone = compared(moved, {name: given[name] for name in ("fitted", "a")}, ["fitted"])
+    assert alone.best == "a" and alone.pairs == () and len(alone.variance) == 3
+
+
 def test_one_model_or_two_commands_are_refused() -> None:
     moved = np.zeros((3, 3))
     for given, predicted in ((moved, {"a": moved}), (moved[:2], {"a": moved[:2], "b": moved[:2]})):

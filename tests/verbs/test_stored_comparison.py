@@ -162,6 +162,13 @@ def test_a_simulator_is_told_of_where_it_may_have_seen_commands_to_test(
     store.put_result("diagnosis", identity, document | {"parts": parts | {"select": ["run_1[2]"]}})
     for ref in ("diagnosed", simulator):
         assert "was fitted to episodes that hold 38 of the 38 test commands" in notes(ref)
+    found = registry.compare("monday", models=["kinematic", "table"], simulators=["nominal", simulator])
+    seen = found.commands.names[1]
+    assert found.commands.errors.seen == (seen,) and seen in found.commands.errors.models
+    assert found.commands.best != seen and seen not in found.commands.alike()
+    assert len(found.commands.errors.pairs) == 3 * 3
+    assert not [p for p in found.commands.errors.pairs if seen in (p.first, p.second)]
+    assert f"{seen} may have seen them, and does not count" in str(found.commands)
 
 
 def test_what_cannot_be_compared_is_refused(registry: Session, robot: Robot, log: Recording) -> None:
