@@ -3,6 +3,7 @@
 import functools
 import inspect
 import os
+import re
 import shlex
 import sys
 from collections.abc import Callable, Sequence
@@ -126,12 +127,11 @@ class Call:
         return progress_bars(not self.quiet, faster)
 
     def here(self, text: str) -> str:
-        """A text that ends in a dynreg command, with the registry that a flag named where the command names none."""
+        """A text that is a dynreg command, or ends in one, with the registry that a flag named."""
         given = self.shared.registry
-        if given is None or "dynreg " not in text or "--registry" in text:
+        if given is None or not re.search(r"(^|: |then )dynreg ", text) or "--registry" in text:
             return text
-        typed, sign, remark = text.partition("  # ")
-        return f"{typed} {shlex.join(('--registry', str(given)))}{sign}{remark}"
+        return f"{text} {shlex.join(('--registry', str(given)))}"
 
     def emit(
         self, result: "Result", shown: Any | None = None, hint: str | Sequence[str] | None = None

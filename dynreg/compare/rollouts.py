@@ -14,7 +14,6 @@ from dynreg.replay.judged import Traced, ratio, traced
 from dynreg.replay.parts import names, parts
 from dynreg.replay.residual import scaled
 from dynreg.replay.rows import rows_of
-from dynreg.replay.standing_place import begins_anywhere
 from dynreg.replay.windows import Windows
 from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.engines import rollout
@@ -90,7 +89,7 @@ class Errors:
 class Scored:
     """Errors by horizon, the shortest first; episodes tested, windows left out; traces of the longest rollouts.
 
-    too_long : horizons [s] as long as nothing was held out.
+    too_long : horizons [s] at which nothing was held out.
     """
 
     errors: tuple[Errors, ...]
@@ -112,17 +111,21 @@ def score(
 ) -> Scored:
     """Held-out errors of simulators (by name, each with its robot) at every horizon that the recording allows.
 
-    Windows of which a simulator has seen a row are left out, for all of them. Horizons as long as nothing was held out
-    are left out, too. hold_out : the only part to test on; see
-    `replay.parts`. Raises UsageError where nothing is held out from all, or a simulator is of a robot with other
-    channels; LogError where the recording cannot be replayed.
+    Windows of which a simulator has seen a row are left out, for all of them. Horizons at which nothing was held out
+    are left out, too. hold_out : the only part to test on; see `replay.parts`. Raises UsageError where nothing is held
+    out from all, or a simulator is of a robot with other channels; LogError where the recording cannot be replayed.
     """
     for name, (owner, _) in simulators.items():
         _require_alike(robot, name, owner)
     every = _horizons(robot, recording)
     cuts = [_cut(robot, recording, seconds) for seconds in every]
     left = [_unseen(robot, recording, cut, seen) for cut in cuts]
-    held = [_held_out(recording, cut, hold_out, mask) for cut, mask in zip(cuts, left, strict=True)]
+    held = [_held_out(recording, cuts[0], hold_out, left[0])]
+    for cut, mask in zip(cuts[1:], left[1:], strict=True):
+        try:
+            held.append(_held_out(recording, cut, hold_out, mask))
+        except UsageError:  # the shortest could be parted, these are too few
+            held.append(np.zeros(len(cut), dtype=bool))
     while held and not held[-1].any():  # of a diagnosis of short windows, nothing longer may be held out
         held.pop()
     _require_some(held, hold_out)
@@ -157,13 +160,10 @@ def _horizons(robot: Robot, recording: Recording) -> list[float]:
 
 
 def _cut(robot: Robot, recording: Recording, seconds: float) -> Windows:
-    """The recording's windows of this length without holes, where replays can begin as the robot did."""
+    """The recording's windows of this length without holes."""
     table = robot.file.replay.model_copy(update={"horizon": seconds})
     cut = windows(replace(robot, file=robot.file.model_copy(update={"replay": table})), recording)
-    kept = ~hit(cut, holes(robot, recording))
-    if not begins_anywhere(robot):
-        kept &= np.diff(cut.episode, prepend=-1) > 0  # the first of each episode
-    return cut.take(np.flatnonzero(kept))
+    return cut.take(np.flatnonzero(~hit(cut, holes(robot, recording))))
 
 
 def _unseen(robot: Robot, recording: Recording, cut: Windows, seen: Sequence[Seen]) -> np.ndarray:
@@ -187,7 +187,8 @@ def _require_some(held: list[np.ndarray], hold_out: str | None) -> None:
         raise UsageError(
             f"every part {where} was seen by one of the simulators",
             expected="a part that none of them was fitted to or chosen by",
-            do="compare on another recording, or run `dynreg query` and `dynreg diagnose` with the same --hold-out",
+            do="compare on another recording, or run `dynreg query` and `dynreg diagnose` with the same --hold-out, of"
+            " whole episodes where the robot stands on feet",
         )
 
 

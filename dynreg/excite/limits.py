@@ -56,7 +56,7 @@ class Limits:
     def returned(self, actions: np.ndarray, start: np.ndarray, held: np.ndarray, period: float) -> np.ndarray:
         """Commands (T, A) that `keep` the limits, of which targets `held` (A,) end at `start` (A,).
 
-        Where nothing limits their rate, they take the last fifth of the commands for it.
+        They go back in the last fifth of the commands, or begin earlier where their rate does not suffice.
         """
         kept, start = self.keep(actions, start, period), np.clip(start, self.low, self.high)
         steps = max(len(kept) // BACK, 1)

@@ -152,6 +152,11 @@ def is_litter(name: str) -> bool:
     return name in (".DS_Store", "Thumbs.db", "desktop.ini") or name.startswith("._")
 
 
+def is_content(name: str) -> bool:
+    """True for the names of what a user or dynreg keeps in a folder: neither temporary files nor litter."""
+    return not is_temporary(name) and not is_litter(name)
+
+
 def sweep(root: Path) -> int:
     """Remove the temporary files and folders of writers that are gone; returns how many.
 

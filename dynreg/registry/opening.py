@@ -23,7 +23,7 @@ from dynreg.registry.files import (
     LOCKS,
     LOST_AND_FOUND,
     SEARCHES,
-    is_temporary,
+    is_content,
     temporary_name,
     unreadable,
     write_file,
@@ -112,7 +112,7 @@ def lost_catalog(path: Path) -> bool:
     if catalog.exists() and catalog.stat().st_size:
         return False
     folders = [path / name for name in (*CONTENTS, LEDGER)]
-    return any(not is_temporary(p.name) for f in folders if f.is_dir() for p in f.iterdir())
+    return any(is_content(p.name) for f in folders if f.is_dir() for p in f.iterdir())
 
 
 def lost_marker(path: Path) -> bool:
@@ -245,7 +245,7 @@ def write_marker(path: Path) -> None:
 def _create(path: Path, create: bool, aside: bool) -> None:
     if path.exists() and not path.is_dir():
         problem = f"{str(path)!r} is a file"
-    elif path.is_dir() and any(not is_temporary(p.name) for p in path.iterdir()):
+    elif path.is_dir() and any(is_content(p.name) for p in path.iterdir()):
         if (path / MARKER).is_file():  # another process has created it just now
             return
         problem = f"{str(path)!r} is a directory that is not a registry"

@@ -26,6 +26,7 @@ from dynreg.registry.files import (
     ROBOTS,
     SEARCHES,
     StoredFile,
+    is_content,
     is_litter,
     is_temporary,
     read_regular,
@@ -85,7 +86,7 @@ def scan(root: Path, registered: set[str], removed: Collection[str] = ()) -> Fou
     """
     found, halves = Found(), _Halves()
     for path in sorted(root.iterdir()):
-        if path.name not in _KNOWN_AT_TOP and not is_temporary(path.name) and not is_litter(path.name):
+        if path.name not in _KNOWN_AT_TOP and is_content(path.name):
             found.bad[path.name] = "not a part of a registry"
     names = [name for name in _names(root) if not _is_among(name, removed)]
     for relative in sorted(names, key=lambda name: (name not in registered, name)):

@@ -13,7 +13,7 @@ import dynreg.registry.disk as disk
 from dynreg.errors import RegistryError, command
 from dynreg.registry.bucket import Bucket
 from dynreg.registry.directory import Directory
-from dynreg.registry.files import CACHE, FOLDERS, LEDGER, LOCKS, is_temporary, read_regular, write_file
+from dynreg.registry.files import CACHE, FOLDERS, LEDGER, LOCKS, is_content, read_regular, write_file
 from dynreg.registry.ledger import page_name
 from dynreg.registry.seal import lost_tables
 from dynreg.registry.served import ServedCatalog
@@ -152,4 +152,4 @@ def _is_registry(path: Path) -> bool:
 
 
 def _is_taken(path: Path) -> bool:
-    return path.exists() and (not path.is_dir() or any(not is_temporary(p.name) for p in path.iterdir()))
+    return path.exists() and (not path.is_dir() or any(is_content(p.name) for p in path.iterdir()))

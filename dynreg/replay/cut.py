@@ -5,7 +5,7 @@ import numpy as np
 from dynreg.data.recording import Recording
 from dynreg.errors import LogError
 from dynreg.replay.rows import Rows, rows_of
-from dynreg.replay.standing_place import from_the_start
+from dynreg.replay.standing_place import begins_anywhere, from_the_start
 from dynreg.replay.timed import held
 from dynreg.replay.velocity import SPAN, base_velocities, pose_columns
 from dynreg.replay.windows import Windows, scales, starts
@@ -52,13 +52,14 @@ def windows(robot: Robot, recording: Recording, rest: bool = False) -> Windows:
 
 
 def _cuts(robot: Robot, rows: Rows, number: int, rest: bool) -> list[Cut]:
-    """The windows of one episode in which there is motion to see."""
+    """The windows of one episode in which there is motion to see: the first alone of a base that no log places."""
     states, startable = rows.states[number], rows.startable[number]
     horizon = robot.file.replay.horizon
     length = len(states) if horizon is None else min(len(states), int(round(horizon / rows.period)) + 1)
     weighted = [i for i, c in enumerate(robot.file.channels) if c.weight > 0]
+    most = len(states) - (1 if rest else length - 1)
     out = []
-    for begin in range(0, len(states) - (1 if rest else length - 1), max(length - 1, 1)):
+    for begin in range(0, most if begins_anywhere(robot) else min(most, 1), max(length - 1, 1)):
         stop = min(begin + length, len(states))
         first = begin + np.flatnonzero(startable[begin:stop])
         if len(first) and np.isfinite(states[first[0] + 1 : stop, weighted]).any():

@@ -56,7 +56,10 @@ def parts(
     test = _test_groups(recording, windows, groups, numbers, hold_out, seed)
     rest = np.setdiff1d(numbers, test)
     if not len(rest):
-        cut = "give horizon in [replay] of robot.toml, at most a quarter of the episode"
+        cut = (
+            "give horizon in [replay] of robot.toml, at most a quarter of the episode (it cuts none of a robot on feet"
+            ' with base = "keyframe")'
+        )
         less = "hold out less" if len(numbers) > 1 else cut
         raise UsageError(
             f"hold-out {hold_out!r} leaves nothing to choose by",

@@ -76,12 +76,12 @@ def next_steps(result: Neighbours) -> tuple[str, ...]:
             "Where a parameter is at the edge of its range, widen the range in robot.toml and populate again."
         )
     if result.unended:
-        more = command("query", result.recording_name, "--budget", str(2 * result.cost.rollouts))
-        steps.append(f"Search on: {more}")
+        steps.append("Search on: ask again with twice the --budget.")
     if not result.parts.get("test"):
         few = sum(map(len, result.parts.values())) < 3
         do = (
-            "give [replay] of robot.toml a horizon that cuts episodes into windows"
+            "give [replay] of robot.toml a horizon that cuts episodes into windows (it cuts none of a robot on feet"
+            ' with base = "keyframe")'
             if few
             else "use --hold-out"
         )

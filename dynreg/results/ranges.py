@@ -33,8 +33,8 @@ class RangesFile(Result):
     """A file from which a trainer draws simulators.
 
     result, kind : the stored result that it is of. simulator : the one in its middle. correlated : whether correlations
-    are known; results of older versions have none. reliable : whether some simulator fits; warning : what speaks
-    against relying on it. complete_in_model : whether a MuJoCo model with the draws in its fields has all that was
+    are known; results of older versions have none. reliable : whether some simulator is known to fit; warning : what
+    speaks against relying on it. complete_in_model : whether a MuJoCo model with the draws in its fields has all that was
     fitted; incomplete : which effect it does not have, and what to do instead. fixed : parameters that are not drawn.
     left_out : what no field of a model can say.
     """

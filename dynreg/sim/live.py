@@ -15,7 +15,7 @@ from dynreg.sim.engines.arena import Simulations
 from dynreg.sim.engines.diverged import too_fast
 from dynreg.sim.engines.mujoco_model import quiet
 from dynreg.sim.engines.mujoco_steps import BETWEEN
-from dynreg.sim.layout import observe
+from dynreg.sim.layout import headed, observe
 from dynreg.sim.ports import log_periods, takes_positions
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
@@ -121,6 +121,7 @@ class LiveSimulator:
             alone.forward()  # for who draws it before the first step
             self._steps = made.steps(np.zeros((1, ROOM, len(self.actions))))
         self._count, self._diverged = 0, False
+        self._last = run.initial  # (1, S) which tells the turn of a heading
         self._true = np.empty((1, ROOM, len(self.channels)))
         self._noise = None if self._seed is None else stream(self._seed, "motor noise")
         pose = self.data.qpos[made.layout.action_qpos]
@@ -168,6 +169,8 @@ class LiveSimulator:
         self._true = _with_room(self._true, at + 1)
         pose = self._steps.read(self.data.qpos[None], self.data.qvel[None])
         self._true[:, at : at + 2] = observe(self._simulations.layout, *pose, len(self.channels))
+        headed(self._simulations.layout, self._true[:, at : at + 2], self._last)
+        self._last = self._true[:, at].copy()
         return self._true[:, : at + 2]
 
     def _known(self, state: Sequence[float] | np.ndarray) -> np.ndarray:

@@ -54,7 +54,7 @@ def compare(asked: "Recorded", settings: CompareSettings, progress: Progress | N
     """Compare simulators by their held-out error.
 
     The simulators replay data that none of them was fitted to. Rollouts last 0.1, 0.5 and 1 s, and as long as
-    possible, where as much was held out. Errors are given by channel, and relative to the first simulator with 90 %
+    what was held out allows. Errors are given by channel, and relative to the first simulator with 90 %
     intervals.
 
     For a robot on wheels, models are also made from the first 84 % of the commands and judged on the last 16 %:

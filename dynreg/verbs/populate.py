@@ -33,7 +33,7 @@ class PopulateSettings(Settings):
     )
     like: str | None = option(None, "With --effects: the recording.", metavar="RECORDING")
     threads: int = threads()
-    executor: str = executor()
+    executor: str = executor(" On other machines these need a shared registry.")
     address: str | None = address()
 
 

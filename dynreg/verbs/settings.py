@@ -119,9 +119,12 @@ def threads() -> Any:
     return option(0, "Simulation threads.", usual="all cores", least=0, shared=True)
 
 
-def executor() -> Any:
-    """The setting that every verb has whose work divides into independent jobs; see `executor.opened`."""
-    told = "What does the work: this process, or workers of Ray. On other machines populate needs a shared registry."
+def executor(more: str = "") -> Any:
+    """The setting that every verb has whose work divides into independent jobs; see `executor.opened`.
+
+    more : what else the help says.
+    """
+    told = f"What does the work: this process, or workers of Ray.{more}"
     return option(LOCAL, told, choices=NAMES, shared=True)
 
 

@@ -9,7 +9,9 @@ from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.replay.cut import windows
 from dynreg.replay.standing_place import from_the_start
 from dynreg.replay.windows import Replayer, errors
+from dynreg.sim.config import SimConfig
 from dynreg.sim.engines import rollout
+from dynreg.sim.live import LiveSimulator
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
 
@@ -86,3 +88,17 @@ def test_a_heading_goes_on_beyond_half_a_turn_from_the_turn_in_which_it_was_meas
     states = rollout(measured, robot.space.nominal[None], replace(run, initial=start)).states[0, 0]
     assert states[0, yaw] == pytest.approx(heading)
     assert states[-1, yaw] > heading + 0.4 and np.abs(np.diff(states[:, yaw])).max() < 0.3
+    live = LiveSimulator(measured, SimConfig.of(measured, measured.space.nominal), period=run.period)
+    stepped = [live.reset(start[0]), *map(live.step, run.actions[0])]
+    assert np.array_equal(np.array(stepped), states)
+
+
+def test_a_horizon_cuts_no_window_from_the_middle_where_no_log_places_the_base(
+    robot: Robot, run: Run
+) -> None:
+    """The robot neither stood nor was at rest there, as the keyframe's pose is."""
+    states = rollout(robot, robot.space.nominal[None], run).states[0, 0]
+    table = robot.file.replay.model_copy(update={"horizon": 0.25})
+    short = replace(robot, file=robot.file.model_copy(update={"replay": table}))
+    assert windows(short, logged(robot, run, states)).rows.tolist() == [[0, 10]]
+    assert len(windows(placed(short), logged(robot, run, states))) == 3

@@ -95,7 +95,7 @@ def test_an_answer_whose_search_had_not_ended_is_not_to_be_relied_on() -> None:
         assert "the search had not ended" in said and "use" not in said
     assert refusal(found) is None and "not known whether it fits" in found.brief()
     assert not found.reliable and "the search had not ended" in found.reliance
-    assert any(f"--budget {2 * found.cost.rollouts}" in step for step in next_steps(found))
+    assert any("ask again with twice the --budget" in step for step in next_steps(found))
     assert not any("export" in step for step in next_steps(found))
     assert "unreliable interval" in text_of(found)
 
