@@ -35,11 +35,11 @@ FRESH = time.time_ns() % 10**9  # printed with every failure
 CASES = [*HIDDEN, *[(None, None)] * NONE]
 
 
-def diagnosed(*todo: Trial) -> list[TrialResult]:
-    """What is said of servo benches under the same commands, all in lockstep."""
+def diagnosed(*todo: Trial, seconds: float = 25.0) -> list[TrialResult]:
+    """What is said of servo benches under the same commands of so many seconds, all in lockstep."""
     robot = load_robot("servo_pendulum")
     return results_of(
-        Trials(robot, protocol(robot, seed=1, seconds=25.0), threads=1), todo, Threshold(USUAL, ())
+        Trials(robot, protocol(robot, seed=1, seconds=seconds), threads=1), todo, Threshold(USUAL, ())
     )
 
 
@@ -80,7 +80,7 @@ def test_a_robot_diagnosed_alone_gets_the_answer_that_it_gets_beside_others():
     """To the last bit: what else is in a batch changes no rollout."""
     same = {"seconds": 0.0, "core_seconds": 0.0}
     some = [CASES.index(("cogging", "medium")), CASES.index(("payload", "strong")), len(CASES) - 1]
-    beside = diagnosed(*(hiding(number, SEED) for number in some))
+    beside = diagnosed(*(hiding(number, SEED) for number in some), seconds=12.5)
     for number, result in zip(some[::2], beside[::2], strict=True):
-        (alone,) = diagnosed(hiding(number, SEED))
+        (alone,) = diagnosed(hiding(number, SEED), seconds=12.5)
         assert alone.model_copy(update=same) == result.model_copy(update=same)
