@@ -32,11 +32,11 @@ class CarriedBy(Result):
 class RangesFile(Result):
     """A file from which a trainer draws simulators.
 
-    result, kind : the stored result that it is of. simulator : the one in its middle. correlated : whether correlations
-    are known; results of older versions have none. reliable : whether some simulator is known to fit; warning : what
-    speaks against relying on it. complete_in_model : whether a MuJoCo model with the draws in its fields has all that was
-    fitted; incomplete : which effect it does not have, and what to do instead. fixed : parameters that are not drawn.
-    left_out : what no field of a model can say.
+    result, kind : the stored result that it is of. simulator : the one in its middle. correlated : whether
+    correlations are known; results of older versions have none. reliable : whether some simulator is known to fit;
+    warning : what speaks against relying on it. complete_in_model : whether a MuJoCo model with the draws in its
+    fields has all that was fitted; incomplete : which effect it does not have, and what to do instead. fixed :
+    parameters that are not drawn. left_out : what no field of a model can say.
     """
 
     schema_: Literal["dynreg/ranges_file/1"] = Field(default="dynreg/ranges_file/1", alias="schema")

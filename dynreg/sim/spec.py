@@ -398,9 +398,9 @@ class ResetTable(Table):
     )
     base: Literal["keyframe", "measured"] = Field(
         default="keyframe",
-        description="Where a floating base begins when a log is replayed. `keyframe`: in the pose that it settled in, at "
-        "the start of an episode alone; the place and heading that the log has there are subtracted from it. `measured`: "
-        "with the attitude, position and velocities that the log has there; without a height its lowest "
+        description="Where a floating base begins when a log is replayed. `keyframe`: in the pose that it settled in, "
+        "at the start of an episode alone; the place and heading that the log has there are subtracted from it. "
+        "`measured`: with the attitude, position and velocities that the log has there; without a height its lowest "
         "point touches the ground.",
     )
 
