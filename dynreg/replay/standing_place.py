@@ -6,11 +6,11 @@ robot stood. On level ground nothing hangs on that.
 
 import numpy as np
 
+from dynreg.replay.windows import STILL
 from dynreg.sim.layout import BASE, layout_of
 from dynreg.sim.robot import Robot
 
 PLACE = tuple(BASE.index(name) for name in ("x", "y", "yaw"))
-AT_REST = 5.0  # times its noise: nearer than that to the origin it stands there
 
 
 def begins_anywhere(robot: Robot) -> bool:
@@ -32,7 +32,7 @@ def from_the_start(robot: Robot, measured: np.ndarray) -> np.ndarray:
         return measured
     known = list(found.values())
     first = np.nan_to_num(measured[:, :1, known])
-    away = (np.abs(first) > AT_REST * robot.sensor_noise[known]).any(axis=(1, 2))
+    away = (np.abs(first) > STILL * robot.sensor_noise[known]).any(axis=(1, 2))
     if not away.any():
         return measured
     out = measured.copy()

@@ -117,6 +117,8 @@ def headed(layout: Layout, states: np.ndarray, first: np.ndarray | None) -> None
     first : (n, S) measured states that they begin with, which tell the turn; None for that around 0.
     """
     columns = layout.base[0][layout.base[1] == BASE.index("yaw")]
+    if not len(columns):
+        return
     with np.errstate(invalid="ignore", over="ignore"):  # of a simulation that diverged
         yaw = np.unwrap(states[..., columns], axis=1)
         if first is not None:
