@@ -12,7 +12,6 @@ from dynreg.errors import LogError, UsageError
 from dynreg.evidence.accuracy import usual
 from dynreg.evidence.data import Data
 from dynreg.evidence.hypothesis import Coordinates
-from dynreg.evidence.many import MANY
 from dynreg.evidence.model import Model
 from dynreg.replay.cut import windows
 from dynreg.replay.holes import hit, holes, sentence, without_start
@@ -80,7 +79,7 @@ def _cut(robot: Robot, recording: Recording, options: DiagnosisOptions) -> tuple
     table = robot.file.replay.model_copy(update={"horizon": horizon})
     cut = windows(replace(robot, file=robot.file.model_copy(update={"replay": table})), recording)
     lost = holes(robot, recording)
-    cut = cut.take(np.flatnonzero(~hit(cut, lost) & _begun_known(robot, cut, options)))
+    cut = cut.take(np.flatnonzero(~hit(cut, lost)))
     told = [sentence(recording, lost)] if lost else []
     told += filter(None, [without_start(robot, recording)])
     why = f": {'; '.join(told)}" if told else ""
@@ -91,18 +90,6 @@ def _cut(robot: Robot, recording: Recording, options: DiagnosisOptions) -> tuple
             do="record more episodes, or cut shorter rollouts with --horizon",
         )
     return cut, why
-
-
-def _begun_known(robot: Robot, cut: Windows, options: DiagnosisOptions) -> np.ndarray:
-    """(W,) whether it is known how a window begins.
-
-    Where no log places a floating base it begins in its reset pose. So does the first rollout of an episode; one that
-    a short horizon cuts out of the middle of a walk does not. With few parameters such rollouts are kept all the same:
-    the searches of these robots were measured with them.
-    """
-    free = robot.floating and robot.file.reset.base == "keyframe" and options.horizon is not None
-    free = free and len(robot.space) > MANY
-    return cut.rows[:, 0] < cut.run.steps if free else np.full(len(cut), True)
 
 
 def _check_length(robot: Robot, cut: Windows, split: Parts, why: str) -> None:

@@ -14,7 +14,7 @@ from dynreg.gait.beside import ATTITUDE, base_of, commands_of, measured
 from dynreg.sim.engines import Arena
 from dynreg.sim.engines.arena import has_fallen
 from dynreg.sim.excitation import reset_pose
-from dynreg.sim.layout import BASE, layout_of
+from dynreg.sim.layout import BASE, continued, layout_of
 from dynreg.sim.real import RealRobot, RealTrial
 from dynreg.sim.robot import Robot, require_commands
 from dynreg.sim.run import Run, Walk
@@ -64,7 +64,7 @@ def trial_of(robot: Robot, log: Recording, actions: np.ndarray, rate: float) -> 
             do="log these at the rate of the commands",
         )
     steps, times = len(actions), np.arange(len(actions) + 1) / rate
-    angles = np.unwrap(Rotation.from_quat(motion.attitude[known]).as_euler("ZYX")[:, ::-1], axis=0)
+    angles = continued(Rotation.from_quat(motion.attitude[known]).as_euler("ZYX")[:, ::-1], axis=0)
     pose = np.concatenate([motion.position[known], angles], axis=1)
     base = np.full((steps + 1, len(BASE)), np.nan)
     base[:, :6] = np.stack([np.interp(times, motion.times[known], c) for c in pose.T], axis=1)

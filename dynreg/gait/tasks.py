@@ -11,7 +11,7 @@ import numpy as np
 from dynreg.errors import RobotError, UsageError, one_of
 from dynreg.plugins import with_plugins
 from dynreg.sim.gait_tables import TaskTable
-from dynreg.sim.layout import BASE
+from dynreg.sim.layout import BASE, continued
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Walk
 
@@ -118,7 +118,7 @@ class Turn(Task):
     defaults = MappingProxyType({"side": 1.0, "drift": 1.0})
 
     def score(self, base: np.ndarray) -> np.ndarray:
-        turned = np.unwrap(base[..., YAW], axis=-1)
+        turned = continued(base[..., YAW], axis=-1)
         ahead, left = progress(base)
         angle = self.values["side"] * (turned[..., -1] - turned[..., 0])
         return angle - self.values["drift"] * np.hypot(ahead, left)

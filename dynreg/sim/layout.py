@@ -119,11 +119,20 @@ def headed(layout: Layout, states: np.ndarray, first: np.ndarray | None) -> None
     columns = layout.base[0][layout.base[1] == BASE.index("yaw")]
     if not len(columns):
         return
+    yaw = states[..., columns]
+    before = np.zeros_like(yaw[:, :1]) if first is None else np.nan_to_num(first[:, None, columns])
     with np.errstate(invalid="ignore", over="ignore"):  # of a simulation that diverged
-        yaw = np.unwrap(states[..., columns], axis=1)
-        if first is not None:
-            yaw += TURN * np.round(np.nan_to_num(first[:, None, columns] - yaw[:, :1]) / TURN)
-    states[..., columns] = yaw
+        states[..., columns] = continued(np.concatenate([before, yaw], axis=1), axis=1)[:, 1:]
+
+
+def continued(angle: np.ndarray, axis: int) -> np.ndarray:
+    """Angles [rad] of a base that go on beyond half a turn along `axis`.
+
+    A base that pitches through the vertical shows half a turn from one row to the next, and soon shows it back: this
+    stays as it is. Taken for a whole turn, it would stay in all rows after it.
+    """
+    turns = np.round((np.unwrap(angle, discont=0.75 * TURN, axis=axis) - angle) / TURN)
+    return angle + TURN * turns  # of whole turns alone: rows that are told one by one are the same
 
 
 def base_motion(layout: Layout, qpos: np.ndarray, qvel: np.ndarray) -> np.ndarray:

@@ -140,7 +140,7 @@ def test_a_segment_is_as_long_wherever_rollouts_are_cut_and_only_feet_need_it():
     model, data, _, log = posed()
     rows = data.windows.measured.shape[1] - 1
     assert data.segments == round(rows * data.windows.period / SEGMENT) == 2
-    assert pose(model.robot, log, replace(SETTINGS, horizon=0.5))[1].segments == 1
+    assert pose(model.robot, log, replace(SETTINGS, horizon=0.75))[1].segments == 1
     leg = load_robot("leg")
     made = log_of(leg, hide(leg, (), None, 11), protocol(leg, seed=1, seconds=6.5, episode=1.25))
     assert pose(leg, made, DiagnosisOptions(threads=1))[1].segments == 1

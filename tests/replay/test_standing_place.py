@@ -11,6 +11,7 @@ from dynreg.replay.standing_place import from_the_start
 from dynreg.replay.windows import Replayer, errors
 from dynreg.sim.config import SimConfig
 from dynreg.sim.engines import rollout
+from dynreg.sim.layout import headed, layout_of
 from dynreg.sim.live import LiveSimulator
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
@@ -91,6 +92,16 @@ def test_a_heading_goes_on_beyond_half_a_turn_from_the_turn_in_which_it_was_meas
     live = LiveSimulator(measured, SimConfig.of(measured, measured.space.nominal), period=run.period)
     stepped = [live.reset(start[0]), *map(live.step, run.actions[0])]
     assert np.array_equal(np.array(stepped), states)
+
+
+def test_the_half_turn_that_a_base_shows_as_it_pitches_through_the_vertical_is_no_turn(robot: Robot) -> None:
+    """What follows in the log and in the simulation is the heading that it had before."""
+    told = np.array([3.1, -3.1, 0.0, -3.15, 0.0, 3.1])
+    states = np.zeros((1, len(told), len(robot.channels)))
+    states[0, :, column(robot, "yaw")] = told
+    headed(layout_of(robot), states, None)
+    ahead = told + np.array([0, 1, 1, 1, 1, 1]) * 2.0 * np.pi
+    assert states[0, :, column(robot, "yaw")] == pytest.approx(ahead)
 
 
 def test_a_horizon_cuts_no_window_from_the_middle_where_no_log_places_the_base(
