@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
@@ -10,10 +9,11 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, PrivateAttr, field_validator
 
+from dynreg.data.names import fits
 from dynreg.errors import UsageError
 from dynreg.search.drive import Search
 from dynreg.search.start import Start
-from dynreg.search.strategy import CARRIED, STEP, EvolutionStrategy
+from dynreg.search.strategy import CARRIED, MOST, STEP, EvolutionStrategy
 from dynreg.search.table import FORMER, SEARCHES
 from dynreg.sim.table import Table
 from dynreg.tomlfile import line_of, parse_toml, read_text
@@ -59,12 +59,12 @@ class StageTable(Table):
     rho: int = Field(default=2, ge=1, le=10000, description="Parents of one child (`es`).")
     generations: int = Field(default=80, ge=1, le=1_000_000, description="Generations of the stage.")
     step: float = Field(
-        default=STEP, gt=0, le=1, description="First step of a parameter, of its range (`es`, `cma`)."
+        default=STEP, gt=0, le=MOST, description="First step of a parameter, of its range (`es`, `cma`)."
     )
     carry: float = Field(
         default=CARRIED,
         gt=0,
-        le=1,
+        le=MOST,
         description="First step of a parameter that an earlier stage has fitted, of its range (`es`, `cma`).",
     )
 
@@ -217,7 +217,7 @@ def _matching(stage: StageTable, what: str, patterns: Sequence[str], names: Sequ
     """Numbers of the names that a pattern matches, whole or in parts; UsageError where one matches none."""
     found: set[int] = set()
     for pattern in patterns:
-        hits = [i for i, name in enumerate(names) if any(fnmatchcase(part, pattern) for part in _spans(name))]
+        hits = [i for i, name in enumerate(names) if any(fits(part, pattern) for part in _spans(name))]
         if not hits:
             raise UsageError(
                 f"{stage.place(what)}stage {stage.name!r}: {what} has {pattern!r}, which matches nothing",

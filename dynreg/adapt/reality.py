@@ -256,7 +256,7 @@ class _Run:
         parent = self.versions[-1].parent
         if parent is not None:
             before = self.versions[parent]
-            self.versions.append(Adapted(before.simulator, number, BACK, before.parent))
+            self.versions.append(Adapted(before.simulator, number, BACK, before.parent, before.trials))
 
     def refined(self, number: int) -> bool:
         """Step 4: small steps of the best gait on the robot; whether the goal is met.

@@ -1,6 +1,7 @@
 """Names of channels and commands, "<joint>/<quantity>" as in "arm/position", and of pieces of episodes."""
 
 import re
+from fnmatch import fnmatchcase
 
 
 def parts_of(name: str) -> tuple[str, str]:
@@ -17,6 +18,15 @@ def joint_of(name: str) -> str:
 def quantity_of(name: str) -> str:
     """What a channel measures or a command sets: "position" of "arm/position"."""
     return parts_of(name)[1]
+
+
+def fits(name: str, pattern: str) -> bool:
+    """Whether a name is the pattern itself, brackets and all, or one that it matches.
+
+    >>> fits("run[3]", "run[3]"), fits("run[3]", "run*")
+    (True, True)
+    """
+    return name == pattern or fnmatchcase(name, pattern)
 
 
 def piece_of(episode: str, number: int) -> str:

@@ -69,7 +69,7 @@ class ByReality:
 
     Versions: the simulator that it begins with, and one for each adaptation. `iteration 2` is that of the second, and
     `iteration 2, rolled back` the simulator before, used again because the newer one's gaits fell. before, after : mean
-    difference of simulated and real scores, in the task's unit.
+    difference of simulated and real scores, in the task's unit; their rank correlation has none.
     """
 
     def fit(self, question: Question, evidence: Evidence, limits: Limits) -> Answer:
@@ -102,7 +102,10 @@ class ByReality:
         if found.best is None:
             _none_stood(door.name, len(found.tried), found.ended)
         return Answer(
-            tuple(_version(robot, one) for one in found.versions),
+            tuple(
+                _version(robot, one, "" if rules.difference == "rank" else door.task.unit)
+                for one in found.versions
+            ),
             found.ended,
             played.rollouts + found.resumed,
             (played.rollouts + found.resumed) * whole,
@@ -113,7 +116,7 @@ class ByReality:
         )
 
 
-def _version(robot: Robot, one: Adapted) -> Version:
+def _version(robot: Robot, one: Adapted, unit: str) -> Version:
     stage = f"iteration {one.iteration}" if one.iteration else one.made
     return Version(
         stage if one.made in (START, ADAPTED) else f"{stage}, {one.made}",
@@ -122,11 +125,18 @@ def _version(robot: Robot, one: Adapted) -> Version:
         (),
         one.before,
         one.after,
+        unit=unit,
         trials=tuple(map(trial_name, one.trials)),
     )
 
 
 def _none_stood(name: str, many: int, ended: str) -> None:
+    if not many:
+        raise NoMatchError(
+            f"no gait scores above 0 in the simulator, so none was tried on robot {name!r}",
+            expected="a gait that the simulator can do",
+            do="raise --budget, begin with a gait that does (--gait), or with another simulator (--start)",
+        )
     raise NoMatchError(
         f"every one of the gaits that were tried ({many}) fell on robot {name!r} (ended by: {ended})",
         expected="a gait that stands on the robot",

@@ -108,4 +108,6 @@ def _version(values: np.ndarray, found: Folded, turn: _Turn, turns: tuple[tuple[
     effects = {GAIN: {DIFFERENCE: found.difference}} if found.difference else {}
     name, parent = turns[-1][0], len(turns) - 2 if len(turns) > 1 else None
     episodes = tuple(dict.fromkeys(episode for _, episode in turns))
-    return Version(name, values, parent, episodes, turn.before, turn.after, effects=effects, figures=figures)
+    return Version(
+        name, values, parent, episodes, turn.before, turn.after, unit="m", effects=effects, figures=figures
+    )

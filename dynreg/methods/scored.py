@@ -28,7 +28,7 @@ class ScoredRobot(Door):
     real : a `RealRobot`, whose own budget holds, too; or a function that is called with commands (T, A), how many a
     second and the trial's name. It plays them, and returns the log, the score in the task's unit, or for a fall None or
     `FELL`. Where it has `keeps` = True, it plays no trial of a name twice, and gives what the first one left.
-    Raises UsageError where no log can tell what the task scores.
+    Raises UsageError where no log can tell what the task scores, and for a `RealRobot` with other commands.
     """
 
     robot: Robot
@@ -36,6 +36,13 @@ class ScoredRobot(Door):
     real: RealRobot | Player
 
     def __post_init__(self) -> None:
+        own, real = self.robot.actions, getattr(self.real, "robot", self.robot)
+        if isinstance(self.real, RealRobot) and real.actions != own:
+            raise UsageError(
+                f"a robot to try with the commands {', '.join(real.actions)}",
+                expected=f"those of {self.robot.name!r}: {', '.join(own)}",
+                do="give the robot that the gait is for",
+            )
         if self.task.bodies and isinstance(self.real, RealRobot) and not self.real.tracks:
             raise UsageError(
                 f"task {self.task.name!r} scores where a body beside the robot goes, which no log of a trial tells",

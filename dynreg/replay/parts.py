@@ -1,11 +1,10 @@
 """The parts of a recording: fit and select choose the answer, test is read once, at the end."""
 
 from dataclasses import dataclass, replace
-from fnmatch import fnmatchcase
 
 import numpy as np
 
-from dynreg.data.names import piece_of
+from dynreg.data.names import fits, piece_of
 from dynreg.data.recording import Episode, Recording
 from dynreg.errors import UsageError
 from dynreg.replay.timed import on_grid
@@ -217,7 +216,7 @@ def _called(episode: str, asked: str) -> bool:
     >>> _called("air/e1", "air"), _called("air/e1", "air/*"), _called("air/e1", "e1")
     (True, True, False)
     """
-    return episode == asked or fnmatchcase(episode, asked) or episode.startswith(f"{asked}/")
+    return fits(episode, asked) or episode.startswith(f"{asked}/")
 
 
 def _matches(episode, hold_out: str) -> bool:

@@ -38,6 +38,7 @@ def spent(result: Calibration) -> str:
     """What the trials cost, in words."""
     cost = result.cost
     lost = f", {count(cost.discarded, 'trial')} of gaits that were discarded" if cost.discarded else ""
+    lost += f", {count(cost.lost, 'trial')} without an outcome" if cost.lost else ""
     return (
         f"on the robot: {count(cost.trials, 'trial')}, {cost.trial_seconds:.0f} s,"
         f" {count(cost.falls, 'fall')}{lost}; ended by: {result.ended}"

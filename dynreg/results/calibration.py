@@ -101,7 +101,8 @@ class CalibrationCost(Cost):
 
     resumed : of `rollouts`, those that an interrupted run had left. simulated_seconds : of all rollouts; null of a
     diagnosis, which does not count them. core_seconds : processor time of this run. trials, trial_seconds, falls : on
-    the robot, those of an interrupted run included. discarded : of the trials, those of gaits that fell.
+    the robot, those of an interrupted run included. discarded : of the trials, those of gaits that fell. lost : of the
+    trials, those whose outcome nobody knows: an error or a power cut ended them.
     """
 
     resumed: int = 0
@@ -111,6 +112,7 @@ class CalibrationCost(Cost):
     trial_seconds: float = 0.0
     falls: int = 0
     discarded: int = 0
+    lost: int = 0
 
 
 class Calibration(Result):

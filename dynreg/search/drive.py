@@ -86,6 +86,8 @@ def drive(
         ranks = told[0] if told else values[:, None]
         if not cut:
             search.tell(losses)
+        ranks = np.where(np.isnan(ranks), -np.inf, ranks)  # what is no number is the worst
+        losses = np.where(np.isnan(losses), np.inf, losses)
         at = int(np.lexsort((losses, *-ranks.T[::-1]))[0])  # of equals the one that the search likes best
         rank, value = (*ranks[at].tolist(), -float(losses[at])), float(values[at])
         if best is None or rank > top:

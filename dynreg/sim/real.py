@@ -27,7 +27,7 @@ from dynreg.sim.sets import is_limit
 FINER = 10  # physics steps of the truth for one of the model
 DISTURBANCE = 0.005  # of the torque limit, 1 sigma, drawn anew for every command
 COUNTS = 4096  # a turn, of encoders that state no quantum
-LEAST_NOISE = 0.0005  # rad or m, of positions that state none
+LEAST_NOISE = 0.0005  # rad or m, of positions that state neither noise nor quantum
 
 
 @dataclass(frozen=True)
@@ -197,8 +197,9 @@ def sensed(robot: Robot, states: np.ndarray, rng: np.random.Generator) -> np.nda
     noise = np.array([c.noise for c in robot.file.channels])
     quantum = np.array([c.quantum for c in robot.file.channels])
     position = np.array([quantity_of(name) == "position" for name in robot.channels])
-    noise = np.where(position, np.maximum(noise, LEAST_NOISE), noise)
-    quantum = np.where(position & (quantum == 0), 2 * np.pi / COUNTS, quantum)
+    turns = np.array([c.unit == "rad" for c in robot.file.channels])
+    noise = np.where(position & (noise == 0) & (quantum == 0), LEAST_NOISE, noise)
+    quantum = np.where(position & turns & (quantum == 0), 2 * np.pi / COUNTS, quantum)
     states = states + noise * rng.standard_normal(states.shape)
     grid = np.where(quantum > 0, quantum, 1.0)
     return np.where(quantum > 0, np.round(states / grid) * grid, states)

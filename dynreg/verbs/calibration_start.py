@@ -7,6 +7,7 @@ import numpy as np
 
 from dynreg.data.names import episode_of
 from dynreg.errors import Assumed, UsageError
+from dynreg.methods.calibrator import ROUNDED
 from dynreg.registry import Registry
 from dynreg.sim.robot import Robot
 from dynreg.verbs.several import parted
@@ -21,7 +22,8 @@ def begun_with(
 ) -> Simulator | None:
     """The simulator to begin from, None for the nominal one. recording : id of that which is asked about, if any.
 
-    Raises UsageError for one that has effects, which a search would leave out, or none of the robot's parameters.
+    Warns of parameters that lie outside their ranges, where no search looks. Raises UsageError for one that has
+    effects, which a search would leave out, or none of the robot's parameters.
     """
     if start == NOMINAL:
         return None
@@ -37,6 +39,15 @@ def begun_with(
             f"simulator {found.name!r} has none of the parameters of {robot.name!r}",
             expected=f"some of {', '.join(robot.space.names)}",
             do="begin with another",
+        )
+    unit = robot.space.to_unit(values_of(found, robot))
+    inside = (unit >= -ROUNDED) & (unit <= 1.0 + ROUNDED)
+    if outside := [name for name, kept in zip(robot.space.names, inside, strict=True) if not kept]:
+        warnings.warn(
+            f"simulator {found.name!r} has {', '.join(outside)} outside the ranges of {robot.name!r}: "
+            "the calibration begins at their bounds, with another simulator",
+            Assumed,
+            2,
         )
     return found
 

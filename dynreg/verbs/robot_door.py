@@ -91,5 +91,8 @@ def door_of(
 
 
 def place_of(door: Any) -> str:
-    """Which robot is tried, as far as can be told: its folder, else "python"."""
-    return str(Path(door).resolve()) if isinstance(door, str | Path) else "python"
+    """Which robot is tried, as far as can be told: its folder, or what plays its trials in Python."""
+    if isinstance(door, str | Path):
+        return str(Path(door).resolve())
+    what = door if hasattr(door, "__qualname__") else type(door)
+    return f"python {what.__module__}.{what.__qualname__}"

@@ -65,6 +65,12 @@ class TrialSettings(Settings):
                 expected="effects if and only if hide is 'chosen'",
                 do="name effects, or change `hide`",
             )
+        if self.hide == "nothing" and self.size != "medium":
+            raise UsageError(
+                f"size {self.size!r} of a hidden effect where nothing is hidden",
+                expected="a size with an effect",
+                do="leave out --size, or --none",
+            )
         if self.physics != "same" and self.truth == "own":
             raise UsageError(
                 f"physics {self.physics!r} without truth 'independent'",

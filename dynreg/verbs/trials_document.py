@@ -33,6 +33,7 @@ def cost_of(
         trial_seconds=door.spent.seconds,
         falls=door.spent.falls,
         discarded=sum(len(one.trials) for one in found.tried if one.fell),
+        lost=door.spent.trials - sum(len(one.trials) for one in found.tried),
     )
 
 

@@ -31,6 +31,17 @@ def test_patterns_name_parameters_recordings_and_episodes() -> None:
     assert one.parameters.tolist() == [0, 1] and one.windows.tolist() == [1, 2, 3]
 
 
+def test_a_name_with_brackets_names_itself() -> None:
+    told = stage(recordings=["walk[1]"])
+    (one,) = resolved([told], NAMES, NONE, ("walk[1]", "walk[2]"), np.arange(2))
+    assert one.windows.tolist() == [0]
+
+
+def test_a_first_step_beyond_what_the_searches_take_is_refused() -> None:
+    with pytest.raises(ValueError, match="less than or equal to 0.3"):
+        stage(step=0.8)
+
+
 def test_what_is_held_out_or_known_is_in_no_stage() -> None:
     known = np.array([False, True, False])
     (one,) = resolved([stage()], NAMES, known, EPISODES, np.array([0, 3]))

@@ -9,7 +9,7 @@ import pytest
 from dynreg.adapt.differences import DIFFERENCES, rank_correlation
 from dynreg.adapt.journalled import Journalled, Outcome, outcome_of
 from dynreg.adapt.reality import back_to_reality
-from dynreg.adapt.tried import BACK, REFINE, TRANSFER, Reached, Rules
+from dynreg.adapt.tried import ADAPTED, BACK, REFINE, TRANSFER, Reached, Rules
 from dynreg.adapt.world import World
 from dynreg.errors import BudgetError, CorruptError, UsageError
 from dynreg.rng import stream
@@ -303,6 +303,19 @@ def test_a_simulator_that_was_spoilt_is_rolled_back_and_the_search_in_it_is_shor
     assert (back.simulator == before.simulator).all() and not (away.simulator == before.simulator).all()
     healthy = run(Robot(tall=1.0), replace(SMALL, iterations=3, steps=0))
     assert BACK not in {v.made for v in healthy.versions}
+
+
+def test_a_simulator_that_is_used_again_says_which_trials_shaped_it() -> None:
+    class Breaking(Robot):
+        def __call__(self, gait: np.ndarray) -> Outcome:
+            self.tall = 1.0 if len(self.played) < 60 else 0.0
+            return super().__call__(gait)
+
+    rules = replace(SMALL, iterations=4, stand=10, steps=0)
+    versions = run(Breaking(), rules).versions
+    back = next(v for v in versions if v.made == BACK)
+    shaped = [v for v in versions if v.made == ADAPTED and (v.simulator == back.simulator).all()]
+    assert len(shaped) == 1 and back.trials == shaped[0].trials != ()
 
 
 def test_a_budget_that_ends_with_a_fall_says_nothing_of_the_simulator() -> None:

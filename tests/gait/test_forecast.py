@@ -83,6 +83,7 @@ def test_the_same_gait_twice_has_two_trials(trials, monkeypatch) -> None:
     foretold(monkeypatch, trials, drawn([0.0, 0.0], np.ones((2, 2)), [1.0, 1.0]))
     told = forecast(trials, Had(gaits(1) * 2, (3.0, 0.0), (True, True))).values
     assert told == pytest.approx([1.0, 1.0], abs=0.1)  # (3 + 0) / 3, with what was foreseen as a third
+    assert told[0] == pytest.approx(told[1], abs=0.02), "of one gait there is one forecast"
 
 
 def test_where_simulators_agree_the_trial_counts(trials, monkeypatch) -> None:

@@ -55,6 +55,17 @@ def test_ranks_say_which_is_the_best_where_values_alone_do_not() -> None:
     assert [value for _, value in found.history][-1] == found.value
 
 
+def test_what_is_no_number_is_the_worst_in_a_first_batch_too() -> None:
+    first = []
+
+    def unknown(asked: np.ndarray) -> np.ndarray:
+        first.append(len(asked))
+        return np.full((len(asked), 1), np.nan) if len(first) == 1 else hump(asked)
+
+    found = drive(MAKE["random"](stream(0, "none")), unknown, judge, Limits(200))
+    assert found.value > 0.8 and found.history[0][0] == 1 and found.history[1][0] > first[0]
+
+
 def test_no_batch_is_begun_that_the_budget_has_no_room_for() -> None:
     """Batches of 5 while it screens, of 7 then."""
     for budget, used in ((10, 10), (16, 10), (17, 17), (23, 17), (24, 24)):

@@ -9,7 +9,7 @@ from dynreg.errors import BudgetError, UsageError
 from dynreg.sim.effects import Terms, term
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
-from dynreg.sim.real import Budget, Secret, SimulatedRobot, Spent, finer
+from dynreg.sim.real import Budget, Secret, SimulatedRobot, Spent, finer, sensed
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
 from dynreg.sim.spec import RobotTable
@@ -118,6 +118,18 @@ def test_arms_servos_and_bases_on_wheels_have_the_same_door(name: str) -> None:
     assert not np.array_equal(*logs) and np.abs(logs[0] - logs[1]).max() < 1.0, "noise of its own, no more"
     with pytest.raises(BudgetError, match="2 trials"):
         real.run(actions, robot.rate)
+
+
+def test_sensors_are_as_fine_as_robot_toml_states() -> None:
+    """The linear encoder of `emps` resolves micrometres; a joint that turns has ticks where it states none."""
+    emps, still = load_robot("emps"), np.zeros((500, 1))
+    read = sensed(emps, np.tile([0.1, 0.0], (500, 1)), np.random.default_rng(0))[:, :1]
+    assert 0.5e-6 < (read - 0.1).std() < 2e-6
+    (slide, *others) = emps.file.channels
+    unstated = replace(
+        emps, file=emps.file.model_copy(update={"channels": [slide.model_copy(update={"noise": 0.0})]})
+    )
+    assert 0.3e-3 < sensed(unstated, still, np.random.default_rng(0)).std() < 0.7e-3
 
 
 def test_a_robot_that_wears_is_another_from_a_trial_on() -> None:

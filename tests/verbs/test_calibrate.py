@@ -24,12 +24,14 @@ from dynreg.report.calibration import columns, made, next_steps
 from dynreg.report.html import page
 from dynreg.results import Calibration
 from dynreg.session import Session
+from dynreg.sim.config import SimConfig
 from dynreg.sim.effects import term
 from dynreg.sim.excitation import excitation
 from dynreg.sim.real import SimulatedRobot
 from dynreg.sim.robot import load_robot
 from dynreg.sim.stand import on_stand
 from dynreg.verbs import calibration_start
+from dynreg.verbs.calibration_start import begun_with
 from dynreg.verbs.simulators import simulator
 from dynreg.verbs.subjects import recorded
 from dynreg.verbs.unseen import seen
@@ -286,6 +288,11 @@ def test_it_begins_with_another_simulator_and_carries_what_that_had_fitted(
     assert fitted.sum() == np.isnan(cut.known).sum() and not same.any(), "a rounded nominal value is no fit"
     with pytest.raises(UsageError, match="means nothing"):
         asked(session, place, "nearest", start=start.simulator)
+    robot = load_robot("servo_pendulum")
+    heavy = SimConfig.of(robot, 3.0 * robot.space.nominal)
+    beyond = session.registry.put_simulator(heavy.as_dict() | {"lineage": {"made_by": "me"}})
+    with pytest.warns(Assumed, match="tip_mass.* outside the ranges .* begins at their bounds"):
+        begun_with(session.registry, beyond, robot)
 
 
 def test_a_diagnosis_answers_in_the_same_form(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from dynreg.report.tables import render
 from dynreg.results import Calibration
 from dynreg.session import Session
 from dynreg.sim.real import SimulatedRobot
-from dynreg.sim.robot import Robot
+from dynreg.sim.robot import Robot, load_robot
 from dynreg.verbs import accepted
 from dynreg.verbs.scored_folder import ScoredFolder, read_score
 
@@ -83,7 +83,7 @@ def test_a_simulated_robot_is_calibrated_by_its_scores_alone(
     assert found.cost.trial_seconds == pytest.approx(real.spent.seconds)
     start, adapted = found.versions
     assert start.stage == "start" and adapted.parent == start.simulator
-    assert adapted.stage == "iteration 1" and adapted.after <= adapted.before
+    assert adapted.stage == "iteration 1" and adapted.after <= adapted.before and adapted.unit == "m"
     kept = opened.registry.simulator(adapted.simulator)
     assert kept["lineage"]["trials"] == [*adapted.trials] and kept["lineage"]["made_by"] == "calibrate btr"
     assert found.simulator == adapted.simulator and kept["robot"] == brief.hash
@@ -170,6 +170,7 @@ def test_an_interrupted_run_goes_on_and_plays_no_trial_twice(
     names = [f"trial_{i}" for i in range(1, whole.cost.trials + 2) if i != breaks + 1]
     assert [*first.names, *second.names] == names, "the robot may have moved in the one that was interrupted"
     assert found.cost.trials == whole.cost.trials + 1
+    assert found.cost.lost == 1 and whole.cost.lost == 0 and "1 trial without an outcome" in page(found)
     assert 0 < found.cost.resumed < found.cost.rollouts == whole.cost.rollouts
     assert found.cost.simulated_seconds == pytest.approx(whole.cost.simulated_seconds)
 
@@ -189,6 +190,32 @@ def test_trials_of_an_interrupted_run_are_not_lost_where_resume_is_forgotten(
     calibrated(opened, brief, door, resume=True, trials=5)
     assert door.names[-1] == "trial_5"
     calibrated(opened, brief, door, trials=2)
+
+
+def test_trials_of_one_python_robot_are_not_taken_for_those_of_another(opened: Session, brief: Robot) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        calibrated(opened, brief, Door(3))
+    with pytest.raises(UsageError, match="no trials of an interrupted run"):
+        calibrated(opened, brief, lambda *_: 5.0, resume=True)
+
+
+def test_a_robot_with_other_commands_is_refused_before_a_trial_is_begun(
+    opened: Session, brief: Robot
+) -> None:
+    other = SimulatedRobot(load_robot("leg"), load_robot("leg").space.nominal, threads=1)
+    with pytest.raises(UsageError, match="a robot to try with the commands .*knee"):
+        calibrated(opened, brief, other)
+    calibrated(opened, brief, Door(), trials=2)
+
+
+def test_no_gait_that_the_simulator_can_do_is_no_fall(opened: Session, brief: Robot, monkeypatch) -> None:
+    monkeypatch.setattr(
+        by_reality.Played, "__call__", lambda self, gaits, some: np.zeros((len(some), len(gaits)))
+    )
+    none = np.empty((0, len(gait_space(brief, task_of(brief).motion).bounds)))
+    monkeypatch.setattr("dynreg.verbs.calibrate_by_trials._gaits", lambda *_: none)
+    with pytest.raises(NoMatchError, match="no gait scores above 0 in the simulator"):
+        calibrated(opened, brief, Door())
 
 
 def test_trials_of_one_folder_are_not_taken_for_those_of_another(
@@ -211,7 +238,7 @@ def test_trials_of_one_folder_are_not_taken_for_those_of_another(
 def test_a_calibration_that_runs_is_not_begun_beside_itself(opened: Session, brief: Robot) -> None:
     def door(actions: np.ndarray, rate: float, name: str) -> float:
         with pytest.raises(UsageError, match="another run of the same calibration"):
-            calibrated(opened, brief, Door(), resume=True, trials=1)
+            calibrated(opened, brief, door, resume=True, trials=1)
         return 0.1
 
     assert calibrated(opened, brief, door, trials=1).cost.trials == 1
@@ -320,7 +347,7 @@ def test_the_budget_ends_it_without_an_error(opened: Session, brief: Robot, budg
 
 def test_a_task_that_is_met_ends_it(opened: Session, brief: Robot) -> None:
     met = calibrated(opened, brief, Door(), goal=1e-6, rules=Rules(**{**vars(TINY), "difference": "rank"}))
-    assert met.on_robot.difference == "rank"
+    assert met.on_robot.difference == "rank" and {one.unit for one in met.versions} == {""}
     assert met.ended == "goal" and met.cost.trials == 2, "those of the first gait"
 
 

@@ -29,6 +29,7 @@ BAD_TRIALS = [
     ({"hide": "chosen", "effects": ("backlash[arm",)}, "backlash"),
     ({"hide": "chosen", "effects": ("rust",)}, "rust"),
     ({"size": "huge"}, "huge"),
+    ({"hide": "nothing", "size": "strong"}, "nothing is hidden"),
     ({"count": 0}, "count 0"),
     ({"seconds": 0.0}, "seconds 0"),
     ({"seconds": float("nan")}, "seconds nan"),
