@@ -125,6 +125,7 @@ def carriers(fields: Fields, term: Term, values: np.ndarray) -> tuple[Carrier, .
         return tuple(
             Carrier(base, p.unit, float(value), *sorted((0.0, 2.0 * float(value))), (said[p.name],))
             for p, value in zip(term.effect.parameters, values, strict=True)
+            if value != 0.0  # there is nothing of it to range over
         )
     before = fields.arrays()
     fields.apply(Terms((term,), (values[None],)))
@@ -178,7 +179,7 @@ def _carrier(
     units = {ADDED.get(target, "1") for target, _ in places}
     neutral = 0.0 if op == "+=" else 1.0
     ends = sorted((neutral, 2 * value - neutral))  # from none of it to twice as much
-    low = max(ends[0], LEAST * value) if op == "*=" and value > 0 else ends[0]
+    low = max(ends[0], LEAST * value) if op == "*=" and value >= 0 else ends[0]
     return Carrier(base, units.pop() if len(units) == 1 else "1", value, low, ends[1], sets)
 
 

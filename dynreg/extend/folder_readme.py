@@ -8,7 +8,7 @@ import numpy as np
 
 from dynreg.extend.carry import Carrier, carries
 from dynreg.sim.effects import Term
-from dynreg.sim.ports import nominal_ports, servo_law
+from dynreg.sim.ports import Ports, servo_law
 from dynreg.sim.robot import Robot
 from dynreg.sim.sets import is_limit
 
@@ -34,14 +34,14 @@ class Written:
     in_mjcf: bool = False
 
 
-def readme(robot: Robot, identity: str, effects: Sequence[Written], problem: str | None) -> str:
-    """The text; identity : of the simulator. problem : why there is no plain MJCF."""
+def readme(robot: Robot, ports: Ports, identity: str, effects: Sequence[Written], problem: str | None) -> str:
+    """The text; ports, identity : of the simulator. problem : why there is no plain MJCF."""
     lines = [f"# {robot.name}, simulator {identity[:12]}", ""]
     lines += [
         f"A simulator of `{robot.name}` as a robot folder. `robot.toml` has its parameters as nominal values:",
         "check it with `dynreg robots check FOLDER`, vary it with `dynreg populate FOLDER -n 1000`.",
         "",
-        *_about_mjcf(robot, problem),
+        *_about_mjcf(robot, ports, problem),
         "",
     ]
     if effects:
@@ -63,17 +63,17 @@ def readme(robot: Robot, identity: str, effects: Sequence[Written], problem: str
     return "\n".join(lines) + "\n"
 
 
-def _about_mjcf(robot: Robot, problem: str | None) -> list[str]:
+def _about_mjcf(robot: Robot, ports: Ports, problem: str | None) -> list[str]:
     plain, model = plain_name(robot), Path(robot.file.robot.model).name
     lines = [
         f"`{model}` is the uncorrected model, as it was: `robot.toml` corrects it, and dynreg reads both."
     ]
     if problem:
         return [*lines, f"There is no `{plain}`: {problem}."]
-    period = 1.0 / robot.file.robot.control_rate if robot.file.robot.control_rate else None
+    rate = ports.control["rate"][0]
     known = [*robot.file.settings, *robot.file.inputs]
     constants = [f"{k.name} = {_number(k.nominal, k.unit)}" for k in known]
-    held = f", held for {period:g} s each" if period else ""
+    held = f", held for {1.0 / rate:g} s each" if rate else ""
     lines = [
         f"**In plain MuJoCo open `{plain}`, not `{model}`.** It is the corrected model, drives and friction included;",
         f"`ctrl` takes the commands{held}.",
@@ -81,18 +81,17 @@ def _about_mjcf(robot: Robot, problem: str | None) -> list[str]:
     ]
     if constants:
         lines.append(f"`{plain}` holds for {', '.join(constants)}; drives are always on.")
-    left_out = unsaid(robot)
+    left_out = _unsaid(robot, ports)
     if left_out:
         lines.append(f"`{plain}` leaves out what MJCF cannot say of the drives: {', '.join(left_out)}.")
     return lines
 
 
-def unsaid(robot: Robot) -> list[str]:
-    """What the drives of robot.toml do and no MJCF says, with the joints.
+def _unsaid(robot: Robot, ports: Ports) -> list[str]:
+    """What the simulator's drives do and no MJCF says, with the joints.
 
-    It is torque that fades, profiles of targets and integral parts.
+    It is torque that fades, profiles of targets, integral parts, and the largest step of a command.
     """
-    ports = nominal_ports(robot, 1)
     fading = servo_law(ports, robot.input_defaults[None]).fade[0] > 0
     moving = is_limit(np.minimum(ports.drive["profile_speed"], ports.drive["profile_acceleration"])[0])
     integrating = ports.drive["integral_gain"][0] > 0
@@ -101,7 +100,13 @@ def unsaid(robot: Robot) -> list[str]:
         ("`profile_speed`", moving),
         ("the integral part (`integral_gain`)", integrating),
     )
-    return [f"{what} of {', '.join(np.array(ports.joints)[at])}" for what, at in means if at.any()]
+    out = [f"{what} of {', '.join(np.array(ports.joints)[at])}" for what, at in means if at.any()]
+    step = ports.control["max_step"][0]
+    return (
+        [*out, f"that a command moves by {step:.6g} at most from the one before (`max_step`)"]
+        if step < np.inf
+        else out
+    )
 
 
 def _row(one: Written) -> str:
@@ -130,4 +135,10 @@ def _means(one: Written, plain: str) -> str:
         said += " It changes elements of the model that have no name: name them, and robot.toml can have it."
     if any(entry.startswith("port.sensor") for c in one.parameters for entry in c.sets):
         said += f" In {plain} the drives feel it, and `qpos` is the truth."
+    if one.in_mjcf and one.term.effect.id == "command_delay":
+        said += (
+            f" In {plain} the commands before the first one are 0. To begin in a pose, tell each late actuator of it"
+            " after a reset: `mujoco.mj_initCtrlHistory(model, data, ACTUATOR, None, np.full((SAMPLES, 1), POSE))`,"
+            " with SAMPLES = `model.actuator_history[ACTUATOR, 0]`."
+        )
     return said

@@ -10,8 +10,8 @@ import numpy as np
 from dynreg.errors import RobotError
 from dynreg.extend.carry import Fields, carries
 from dynreg.sim.effects import Terms
-from dynreg.sim.layout import Layout, layout_of
-from dynreg.sim.ports import ServoLaw, servo_law
+from dynreg.sim.layout import Layout, filters, layout_of
+from dynreg.sim.ports import ServoLaw, servo_law, takes_positions
 from dynreg.sim.robot import Robot
 from dynreg.sim.sets import is_limit
 
@@ -54,6 +54,7 @@ def write_mjcf(robot: Robot, values: np.ndarray, terms: Terms, path: Path) -> No
     _shape_actuators(robot, spec, layout, law, terms)
     write_drives(robot, fields, law, lambda key, action: _value(robot, terms, key, action))
     model = spec.compile()
+    _begin_at_keyframes(spec, model, layout, fields)
     for name, array in fields.changed.items():
         owner, field = (model.opt, name[4:]) if name.startswith("opt.") else (model, name)
         getattr(owner, field)[...] = array[0].reshape(np.shape(getattr(owner, field)))
@@ -93,6 +94,16 @@ def _shape_actuators(robot: Robot, spec: mujoco.MjSpec, layout: Layout, law: Ser
         if delay:  # MuJoCo rounds those below one time step up to it
             one.delay, one.interp = delay, LINEAR
             one.nsample = int(np.ceil(delay / step)) + 2
+
+
+def _begin_at_keyframes(spec: mujoco.MjSpec, model: mujoco.MjModel, layout: Layout, fields: Fields) -> None:
+    """What smooths commands holds a keyframe's pose there, as in an episode of the simulator, and not 0."""
+    drives, places = filters(model, layout)
+    kept = takes_positions(fields.ports)[drives]
+    for number, key in enumerate(spec.keys if len(drives) else ()):
+        pose = model.key_qpos[number, layout.action_qpos[drives]]
+        model.key_act[number, places] = np.where(kept, pose, 0.0)
+        key.act = model.key_act[number]
 
 
 def write_drives(robot: Robot, fields: Fields, law: ServoLaw, size: Callable[[str, int], Any]) -> None:

@@ -78,7 +78,8 @@ def _write(
     effects = _carried(robot, values, terms, problem is None)
     effects = _without_idle(_with_toml(robot, identity, values, effects, folder), effects)
     _with_toml(robot, identity, values, effects, folder)
-    (folder / "README.md").write_text(readme(robot, identity, effects, problem), encoding="utf-8")
+    text = readme(robot, Fields.of(robot, values).ports, identity, effects, problem)
+    (folder / "README.md").write_text(text, encoding="utf-8")
     return effects, problem
 
 
@@ -144,7 +145,7 @@ def _toml(robot: Robot, identity: str, values: np.ndarray, added: Sequence[Carri
     for one in added:
         lines += ["", "[[parameters]]", f"name = {literal(one.name)}", f"unit = {literal(one.unit)}"]
         lines += [f"nominal = {one.value!r}", f"low = {one.low!r}", f"high = {one.high!r}"]
-        reach = max(one.high - one.value, one.value - one.low) / abs(one.value)
+        reach = max(one.high - one.value, one.value - one.low) / (abs(one.value) or one.high - one.low)
         lines += [f"tolerance = {max(SPREAD, 1.01 * reach / FAR):.3g}", f"sets = {literal(one.sets)}"]
     return "\n".join(lines) + "\n"
 

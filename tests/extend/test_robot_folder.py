@@ -298,6 +298,65 @@ def test_what_the_drives_do_and_no_mjcf_says_is_told(tmp_path: Path) -> None:
     assert "leaves out" not in (tmp_path / "usual" / "README.md").read_text()
 
 
+@pytest.mark.parametrize("key", ["command_lag", "command_delay"])
+def test_mujoco_alone_begins_at_a_keyframe_with_commands_that_hold_it(key: str, tmp_path: Path) -> None:
+    """What is late or smoothed is the keyframe's pose at first; for a delay the README says how."""
+    source = tmp_path / "posed"
+    shutil.copytree(load_robot("servo_pendulum").folder, source)
+    text = (source / "model.xml").read_text()
+    (source / "model.xml").write_text(
+        text.replace("</mujoco>", '<keyframe><key name="out" qpos="1.0"/></keyframe></mujoco>')
+    )
+    with (source / "robot.toml").open("a") as file:
+        file.write('\n[reset]\nkeyframe = "out"\n')
+    robot = load_robot(source)
+    made = config(robot, key)
+    run = Run(np.ones((1, 15, 1)), period=1 / robot.rate)
+    export_robot(robot, made, tmp_path / "taken")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "taken" / "mujoco.xml"))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    if key == "command_delay":
+        assert (
+            "`mujoco.mj_initCtrlHistory(model, data, ACTUATOR"
+            in (tmp_path / "taken" / "README.md").read_text()
+        )
+        many = model.actuator_history[0, 0]
+        mujoco.mj_initCtrlHistory(model, data, 0, None, np.full((many, 1), 1.0))
+    played = [data.qpos[0]]
+    for _ in range(run.steps):
+        data.ctrl[:] = 1.0
+        mujoco.mj_step(model, data, nstep=int(robot.substeps(run.period)))
+        played.append(data.qpos[0])
+    np.testing.assert_allclose(played, states(robot, made, run, "mujoco")[0, :, 0], atol=1e-4)
+
+
+def test_the_readme_tells_of_the_simulator_and_not_of_the_robot_that_it_is_of(tmp_path: Path) -> None:
+    source = tmp_path / "paced"
+    shutil.copytree(load_robot("servo_pendulum").folder, source)
+    with (source / "robot.toml").open("a") as file:
+        for name, unit, nominal in (("rate", "Hz", 100.0), ("max_step", "rad", 0.5)):
+            file.write(f'\n[[parameters]]\nname = "its_{name}"\nunit = "{unit}"\nnominal = {nominal}\n')
+            file.write(f'low = {0.1 * nominal}\nhigh = {2 * nominal}\nsets = ["control.{name} ="]\n')
+    robot = load_robot(source)
+    values = robot.space.as_dict(robot.space.nominal) | {"its_rate": 40.0, "its_max_step": 0.25}
+    export_robot(robot, SimConfig(robot.hash, robot.name, values), tmp_path / "taken")
+    told = (tmp_path / "taken" / "README.md").read_text()
+    assert "held for 0.025 s each" in told and "a command moves by 0.25 at most" in told
+
+
+@pytest.mark.parametrize("effects", [{"payload[arm]": {"mass": 0.0}}, {"drive_gain": {"gain": -1.0}}])
+def test_an_effect_that_does_nothing_or_all_can_be_exported(effects: dict, tmp_path: Path) -> None:
+    robot = load_robot("servo_pendulum")
+    (key,) = effects
+    nominal = robot.space.as_dict(robot.space.nominal)
+    made = SimConfig(robot.hash, robot.name, nominal, {key.split("[")[0]: effects[key]})
+    exported = export_robot(robot, made, tmp_path / "taken").robot
+    run = bank(robot)
+    again = rollout(exported, exported.space.nominal[None], run).states[0]
+    np.testing.assert_allclose(again, states(robot, made, run), rtol=EXACT, atol=EXACT)
+
+
 def test_elements_without_names_are_told(tmp_path: Path) -> None:
     source = tmp_path / "nameless"
     source.mkdir()
