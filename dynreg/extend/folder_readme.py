@@ -102,11 +102,9 @@ def _unsaid(robot: Robot, ports: Ports) -> list[str]:
     )
     out = [f"{what} of {', '.join(np.array(ports.joints)[at])}" for what, at in means if at.any()]
     step = ports.control["max_step"][0]
-    return (
-        [*out, f"that a command moves by {step:.6g} at most from the one before (`max_step`)"]
-        if step < np.inf
-        else out
-    )
+    if np.isfinite(step):
+        out.append(f"that a command moves by {step:.6g} at most from the one before (`max_step`)")
+    return out
 
 
 def _row(one: Written) -> str:

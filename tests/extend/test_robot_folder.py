@@ -345,12 +345,10 @@ def test_the_readme_tells_of_the_simulator_and_not_of_the_robot_that_it_is_of(tm
     assert "held for 0.025 s each" in told and "a command moves by 0.25 at most" in told
 
 
-@pytest.mark.parametrize("effects", [{"payload[arm]": {"mass": 0.0}}, {"drive_gain": {"gain": -1.0}}])
+@pytest.mark.parametrize("effects", [{"payload": {"mass": 0.0}}, {"drive_gain": {"gain": -1.0}}])
 def test_an_effect_that_does_nothing_or_all_can_be_exported(effects: dict, tmp_path: Path) -> None:
     robot = load_robot("servo_pendulum")
-    (key,) = effects
-    nominal = robot.space.as_dict(robot.space.nominal)
-    made = SimConfig(robot.hash, robot.name, nominal, {key.split("[")[0]: effects[key]})
+    made = SimConfig(robot.hash, robot.name, robot.space.as_dict(robot.space.nominal), effects)
     exported = export_robot(robot, made, tmp_path / "taken").robot
     run = bank(robot)
     again = rollout(exported, exported.space.nominal[None], run).states[0]
