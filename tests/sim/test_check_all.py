@@ -6,15 +6,19 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from arm_robot import ARM_TOML, ARM_XML, parameter
 
+from dynreg.errors import RobotError
 from dynreg.folder import read_folder
 from dynreg.sim import check
 from dynreg.sim.check import findings
+from dynreg.sim.engines import rollout
 from dynreg.sim.inspection import check_robot, inspect_robot
 from dynreg.sim.lint import doubts
 from dynreg.sim.robot import load_robot, packaged_robots
+from dynreg.sim.run import Run
 
 # the small arm with noise, drives and ranges about which nobody could have a doubt
 GOOD = re.sub(r'(/position"\nunit = "rad")', r"\1\nnoise = 0.0005", ARM_TOML)
@@ -311,6 +315,25 @@ def test_a_model_that_does_something_else_than_robot_toml_says_is_told(
     changed = text[: text.rindex(old)] + new + text[text.rindex(old) + len(old) :]
     model.write_text(changed, encoding="utf-8")
     assert any(said in message for _, message in doubts(load_robot(folder))), [*doubts(load_robot(folder))]
+
+
+def test_a_second_action_on_a_joint_is_refused_at_its_line(write_robot: Callable[..., Path]) -> None:
+    """Of two commands on one joint one was ignored, and the advice to keep one actuator did not help."""
+    action = '[[actions]]\nname = "elbow/target"\nunit = "rad"\n\n'
+    drive = '[[drives]]\njoint = "elbow/target"\ntype = "position"\ngain = 5.0\n\n'
+    folder = write_robot(
+        ('joint = "elbow"', 'joint = "elbow/torque"'),
+        ("[reset]", f"{drive}[reset]"),
+        ("[[settings]]", f"{action}[[settings]]"),
+    )
+    xml = ARM_XML.replace('<motor joint="elbow"/>', '<motor joint="elbow"/><position joint="elbow" kp="5"/>')
+    (folder / "model.xml").write_text(xml, encoding="utf-8")
+    robot = load_robot(folder)
+    with pytest.raises(RobotError, match="keep one of 'elbow/torque' and 'elbow/target'"):
+        rollout(robot, robot.space.nominal[None], Run(np.zeros((1, 3, 3))), threads=1)
+    (found,) = [one for one in inspect_robot(folder) if one.severity == "error"]
+    assert "action 'elbow/target': joint 'elbow' already has the action 'elbow/torque'" in found.message
+    assert (folder / "robot.toml").read_text().split("\n")[found.line - 1] == 'name = "elbow/target"'
 
 
 def test_only_what_an_active_constraint_binds_and_nobody_logs_is_told(tmp_path: Path) -> None:
