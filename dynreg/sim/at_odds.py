@@ -51,6 +51,11 @@ def _actuators(robot: Robot) -> Iterator[Said]:
             odd.append(
                 "has a state of its own, so it does not do what it is told at once: set dyntype to none"
             )
+        if model.actuator_history[a].any():
+            odd.append(
+                f"has a delay of {model.actuator_delay[a]:g} s, which dynreg leaves out: take it out of the model; in "
+                "a simulator it is the effect command_delay"
+            )
         own = np.isin(model.actuator_trntype, JOINT) & (model.actuator_trnid[:, 0] == joint)
         if own.sum() > 1:
             odd.append("is not the only one on its joint, and the others always get 0: keep one")
