@@ -285,6 +285,9 @@ def test_a_drive_too_fast_for_the_time_step_is_named(
     assert ratio > 1.0 and lower == pytest.approx(0.5 * float(rate_gain) / ratio, rel=0.1)
 
 
+TENDON = '</actuator><tendon><fixed {}><joint joint="elbow" coef="1"/></fixed></tendon>'
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
@@ -299,8 +302,26 @@ def test_a_drive_too_fast_for_the_time_step_is_named(
             '</worldbody><equality><joint joint1="elbow" joint2="shoulder"/></equality>',
             "engine joint leaves out equality constraints of the model",
         ),
+        ("</actuator>", TENDON.format('stiffness="1"'), "leaves out tendons of the model"),
+        ("</actuator>", TENDON.format('frictionloss="1"'), "leaves out tendons of the model"),
+        ("</actuator>", TENDON.format('range="-1 1"'), "leaves out tendons of the model"),
+        ('name="elbow" axis', 'name="elbow" stiffness="0 1" axis', "leaves out springs (stiffness) of"),
+        ('name="elbow" axis', 'name="elbow" damping="0 1" axis', "leaves out damping that grows with speed"),
+        ('joint="elbow"', 'joint="elbow" damping="1"', "engine joint leaves out damping of actuators"),
+        ("gravity=", 'density="1.2" gravity=', "leaves out drag of air or water (density, viscosity)"),
     ],
-    ids=["gear", "second actuator", "equality"],
+    ids=[
+        "gear",
+        "second actuator",
+        "equality",
+        "tendon spring",
+        "tendon friction",
+        "tendon limits",
+        "hardening spring",
+        "quadratic damping",
+        "actuator damping",
+        "fluid",
+    ],
 )
 def test_a_model_that_does_something_else_than_robot_toml_says_is_told(
     write_robot: Callable[..., Path], old: str, new: str, said: str
@@ -315,6 +336,12 @@ def test_a_model_that_does_something_else_than_robot_toml_says_is_told(
     changed = text[: text.rindex(old)] + new + text[text.rindex(old) + len(old) :]
     model.write_text(changed, encoding="utf-8")
     assert any(said in message for _, message in doubts(load_robot(folder))), [*doubts(load_robot(folder))]
+
+
+def test_a_tendon_that_does_nothing_is_no_matter(write_robot: Callable[..., Path]) -> None:
+    xml = ARM_XML.replace("</actuator>", TENDON.format(""))
+    folder = write_robot(('engines = ["mujoco"]', 'engines = ["joint"]'), xml=xml)
+    assert not any("leaves out" in message for _, message in doubts(load_robot(folder)))
 
 
 def test_a_second_action_on_a_joint_is_refused_at_its_line(write_robot: Callable[..., Path]) -> None:
