@@ -86,7 +86,8 @@ def _heights(model: mujoco.MjModel, qpos: np.ndarray, geoms: np.ndarray) -> np.n
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     mujoco.mj_forward(model, data)
-    return np.array([lowest(model, g, data.geom_xpos[[g]], data.geom_xmat[[g]])[0] for g in geoms])
+    sizes, centres, turned = model.geom_size, data.geom_xpos, data.geom_xmat
+    return np.array([lowest(model, g, sizes[[g]], centres[[g]], turned[[g]])[0] for g in geoms])
 
 
 def _of_contact(model: mujoco.MjModel, field: np.ndarray, one: int, other: int) -> float:

@@ -91,9 +91,9 @@ def _shape_actuators(robot: Robot, spec: mujoco.MjSpec, layout: Layout, law: Ser
             lag
         ):  # late by half a time step: the force comes from the state before it, the effect's from its mean
             one.dyntype, one.dynprm[0], one.actdim = mujoco.mjtDyn.mjDYN_FILTEREXACT, lag, 1
+        one.delay, one.nsample = delay, 0  # of the model's own there is none in a simulator either
         if delay:  # MuJoCo rounds those below one time step up to it
-            one.delay, one.interp = delay, LINEAR
-            one.nsample = int(np.ceil(delay / step)) + 2
+            one.interp, one.nsample = LINEAR, int(np.ceil(delay / step)) + 2
 
 
 def _begin_at_keyframes(spec: mujoco.MjSpec, model: mujoco.MjModel, layout: Layout, fields: Fields) -> None:

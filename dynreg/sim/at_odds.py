@@ -51,6 +51,11 @@ def _actuators(robot: Robot) -> Iterator[Said]:
             odd.append(
                 "has a state of its own, so it does not do what it is told at once: set dyntype to none"
             )
+        if model.actuator_history[a].any():
+            odd.append(
+                f"has a delay of {model.actuator_delay[a]:g} s, which dynreg leaves out: take it out of the model; in "
+                "a simulator it is the effect command_delay"
+            )
         own = np.isin(model.actuator_trntype, JOINT) & (model.actuator_trnid[:, 0] == joint)
         if own.sum() > 1:
             odd.append("is not the only one on its joint, and the others always get 0: keep one")
@@ -65,12 +70,17 @@ def _left_out(robot: Robot) -> Iterator[Said]:
     model, layout = robot.model, layout_of(robot)
     dofs, at = layout.action_dof, layout.action_actuator
     joints = model.dof_jntid[dofs]
+    fluid = model.opt.density != 0.0 or model.opt.viscosity != 0.0
     told = {
-        "springs (stiffness)": model.jnt_stiffness[joints] != 0.0,
+        "springs (stiffness)": _some(joints, model.jnt_stiffness, model.jnt_stiffnesspoly),
+        "damping that grows with speed": _some(dofs, model.dof_dampingpoly),
         "limits of the joint's force (actuatorfrcrange)": model.jnt_actfrclimited[joints] != 0,
         "filters of actuators": model.actuator_actnum[at] > 0,
+        "damping of actuators": _some(at, model.actuator_damping, model.actuator_dampingpoly),
+        "tendons": _on_tendons(model)[joints],
         "gravity compensation": np.full(len(dofs), bool(model.body_gravcomp.any())),
         "equality constraints": np.full(len(dofs), bool(model.eq_active0.any())),
+        "drag of air or water (density, viscosity)": np.full(len(dofs), bool(fluid)),
     }
     lacks = [what for what, where in told.items() if where.any()]
     if lacks:
@@ -79,6 +89,23 @@ def _left_out(robot: Robot) -> Iterator[Said]:
             f"engine joint leaves out {', '.join(lacks)} of the model, and answers otherwise than mujoco; name mujoco "
             "alone in `engines`, or take them out of the model",
         )
+
+
+def _some(rows: np.ndarray | slice, *fields: np.ndarray) -> np.ndarray:
+    """(rows,) whether one of these fields of a model is anything but 0 there."""
+    return np.column_stack([field[rows] for field in fields]).any(axis=1)
+
+
+def _on_tendons(model: mujoco.MjModel) -> np.ndarray:
+    """(joints,) at which a tendon pulls that is a spring, damps, rubs or has limits; a spatial one maybe at any."""
+    names = ("stiffness", "stiffnesspoly", "damping", "dampingpoly", "frictionloss", "limited")
+    pulls = _some(slice(None), *(getattr(model, f"tendon_{name}") for name in names))
+    out = np.zeros(model.njnt, dtype=bool)
+    for first, many in zip(model.tendon_adr[pulls], model.tendon_num[pulls], strict=True):
+        fixed = model.wrap_type[first : first + many] == mujoco.mjtWrap.mjWRAP_JOINT
+        out[model.wrap_objid[first : first + many][fixed]] = True
+        out |= not fixed.all()
+    return out
 
 
 def _bound_unseen(robot: Robot) -> Iterator[Said]:

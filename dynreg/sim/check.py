@@ -126,8 +126,9 @@ def _names_on(robot: Robot, engine: str) -> Iterator[Said]:
         return
     for group in ("actions", "channels"):
         for table in getattr(robot.file, group):
-            alone = _with(robot, [], settings=[], **(good | {"channels": [], group: [table]}))
-            problem = _problem(alone, engine)
+            # beside those that are sound: two of them may be at odds with each other
+            tried = good | {"channels": [], group: [*good[group], table]}
+            problem = _problem(_with(robot, [], settings=[], **tried), engine)
             if problem is None:
                 good[group].append(table)
             else:

@@ -35,6 +35,12 @@ def names_of(model: mujoco.MjModel, prefix: str) -> list[str]:
     return [mujoco.mj_id2name(model, kind, i) or "" for i in range(count)]
 
 
+def own_field(batch, model: mujoco.MjModel, field: str) -> np.ndarray:
+    """(n or 1, rows, ...) a field of the model, each simulation's own where they differ."""
+    own = batch.expanded(field)
+    return getattr(model, field)[None] if own is None else own
+
+
 def set_field(batch, model: mujoco.MjModel, assignment: Assignment, values: np.ndarray) -> None:
     """Write `mj.<field>[elements][index]` of every simulation from (B,) values; RobotError on a wrong name."""
     field = assignment.path

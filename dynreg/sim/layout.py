@@ -37,7 +37,7 @@ class Layout:
 
 
 def layout_of(robot: Robot) -> Layout:
-    """Resolve the robot's names against its model; RobotError when one is not there.
+    """Resolve the robot's names against its model; RobotError when one is not there, or two actions move one joint.
 
     "<joint>/position" and "<joint>/velocity" are a hinge's or slide's; "<free joint>/roll" and the other
     names of BASE are the floating base's: position and Euler angles in the world, velocities in the body frame.
@@ -75,9 +75,12 @@ def layout_of(robot: Robot) -> Layout:
 def _action_addresses(robot: Robot, joints: dict[str, int]) -> tuple[np.ndarray, ...]:
     model = robot.model
     qpos, dof, actuator = [], [], []
-    for owner, action in zip(robot.joints, robot.actions, strict=True):
+    for i, (owner, action) in enumerate(zip(robot.joints, robot.actions, strict=True)):
         if owner not in joints:
             raise _unknown(f"action {action!r}", list(joints))
+        first = robot.joints.index(owner)
+        if first < i:
+            raise _second(action, robot.actions[first], owner)
         joint = joints[owner]
         on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
         driven = np.flatnonzero(on_joint & (model.actuator_trnid[:, 0] == joint))
@@ -197,6 +200,14 @@ def _not_the_base(channel: str, joint: str, base: str | None) -> RobotError:
         f"channel {channel!r}: the free joint {joint!r} carries no joint that is driven",
         expected=f"the robot's base, {base!r}" if base else "joints of the robot, whose base is held",
         do="correct the channel, or name the body under `tracked` of [robot]",
+    )
+
+
+def _second(action: str, first: str, joint: str) -> RobotError:
+    return RobotError(
+        f"action {action!r}: joint {joint!r} already has the action {first!r}",
+        expected="one action for each joint: the command of its one drive",
+        do=f"keep one of {first!r} and {action!r}, with its drive",
     )
 
 

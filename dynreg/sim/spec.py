@@ -78,7 +78,8 @@ class DriveTable(Table):
     """What every drive has. Its numbers hold at the joint: leave `gear` of the MJCF actuator at 1."""
 
     joint: str = Field(
-        description="Joint of the MJCF model, or a whole action name such as `base/speed_command`."
+        description="Joint of the MJCF model, or a whole action name: a base on wheels has two, such as "
+        "`base/speed_command`; a joint has one."
     )
     enable: str | None = Field(
         default=None,

@@ -153,6 +153,84 @@ def contacts(folder: Path, *changes: tuple[str, str]) -> dict[str, np.ndarray]:
     return Arena(robot, robot.space.nominal[None], run, threads=1).walk(run, feet=True).contact
 
 
+HOPPER = """<mujoco>
+  <option timestep="0.001"/>
+  <worldbody>
+    <geom type="plane" size="5 5 0.1"/>
+    <body pos="0 0 0.3">
+      <freejoint name="base"/>
+      <geom type="box" size="0.1 0.1 0.03" mass="2"/>
+      <body name="leg">
+        <joint name="leg" type="slide" axis="0 0 1" range="-0.05 0.05"/>
+        <geom name="shin" type="capsule" size="0.02" fromto="0 0 -0.04 0 0 -0.2" mass="0.2"/>
+        {foot}
+      </body>
+    </body>
+  </worldbody>
+  <actuator><position joint="leg" kp="2000"/></actuator>
+</mujoco>"""
+HOPPER_TOML = """
+[robot]
+name = "hopper"
+engines = ["mujoco"]
+control_rate = 50.0
+timestep = 0.001
+
+[[drives]]
+joint = "leg"
+type = "position"
+gain = 2000.0
+rate_gain = 50.0
+
+[[actions]]
+name = "leg/target"
+unit = "m"
+
+[[channels]]
+name = "base/z"
+unit = "m"
+
+[[parameters]]
+name = "size"
+unit = "m"
+nominal = 0.03
+low = 0.02
+high = 0.06
+sets = ["mj.geom_size[{sized}]{index} ="]
+
+[[parameters]]
+name = "length"
+unit = "1"
+nominal = 1.0
+low = 0.5
+high = 1.25
+sets = ["modifier.link_length[leg] *="]
+"""
+ROUND = '<geom name="foot" size="0.03" pos="0 0 -0.2" mass="0.1"/>'
+FLAT = ROUND.replace('size="0.03"', 'type="box" size="0.03 0.03 0.03"')
+
+
+@pytest.mark.parametrize(
+    ("foot", "sized"),
+    [(ROUND, "foot"), (FLAT, "foot"), ("", "shin")],
+    ids=["sphere", "box", "capsule alone"],
+)
+def test_each_robot_stands_on_feet_of_its_own_size(foot: str, sized: str, tmp_path: Path) -> None:
+    """All began as high as the nominal one: those with larger feet or longer links in the ground, and flew off."""
+    (tmp_path / "model.xml").write_text(HOPPER.format(foot=foot), encoding="utf-8")
+    index = "" if foot == FLAT else "[0]"
+    (tmp_path / "robot.toml").write_text(HOPPER_TOML.format(sized=sized, index=index), encoding="utf-8")
+    robot = load_robot(tmp_path)
+    values = np.array([[0.03, 1.0], [0.06, 1.0], [0.02, 1.0], [0.03, 1.25], [0.03, 0.5]])
+    run = Run(np.zeros((1, 20, 1)))
+    arena = Arena(robot, values, run, threads=1)
+    heights = arena.rollout(run).states[:, 0, :, 0]
+    np.testing.assert_allclose(heights[:, 0], 0.2 * values[:, 1] + values[:, 0], atol=1e-9)
+    assert (heights <= heights[:, :1] + 1e-6).all()
+    feet = arena.walk(run, feet=True).contact
+    assert all(touching[:, 0, 1:].all() for touching in feet.values()) and len(feet) == (foot == ROUND)
+
+
 def test_each_foot_has_a_name_of_its_own_where_the_model_names_none(tmp_path) -> None:
     feet = contacts(tmp_path, ('name="[fr][lr]_foot" ', ""))
     assert len(feet) == 4 and all(touching[0, 0, 1:].all() for touching in feet.values())

@@ -6,15 +6,19 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from arm_robot import ARM_TOML, ARM_XML, parameter
 
+from dynreg.errors import RobotError
 from dynreg.folder import read_folder
 from dynreg.sim import check
 from dynreg.sim.check import findings
+from dynreg.sim.engines import rollout
 from dynreg.sim.inspection import check_robot, inspect_robot
 from dynreg.sim.lint import doubts
 from dynreg.sim.robot import load_robot, packaged_robots
+from dynreg.sim.run import Run
 
 # the small arm with noise, drives and ranges about which nobody could have a doubt
 GOOD = re.sub(r'(/position"\nunit = "rad")', r"\1\nnoise = 0.0005", ARM_TOML)
@@ -281,6 +285,9 @@ def test_a_drive_too_fast_for_the_time_step_is_named(
     assert ratio > 1.0 and lower == pytest.approx(0.5 * float(rate_gain) / ratio, rel=0.1)
 
 
+TENDON = '</actuator><tendon><fixed {}><joint joint="elbow" coef="1"/></fixed></tendon>'
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
@@ -295,8 +302,26 @@ def test_a_drive_too_fast_for_the_time_step_is_named(
             '</worldbody><equality><joint joint1="elbow" joint2="shoulder"/></equality>',
             "engine joint leaves out equality constraints of the model",
         ),
+        ("</actuator>", TENDON.format('stiffness="1"'), "leaves out tendons of the model"),
+        ("</actuator>", TENDON.format('frictionloss="1"'), "leaves out tendons of the model"),
+        ("</actuator>", TENDON.format('range="-1 1"'), "leaves out tendons of the model"),
+        ('name="elbow" axis', 'name="elbow" stiffness="0 1" axis', "leaves out springs (stiffness) of"),
+        ('name="elbow" axis', 'name="elbow" damping="0 1" axis', "leaves out damping that grows with speed"),
+        ('joint="elbow"', 'joint="elbow" damping="1"', "engine joint leaves out damping of actuators"),
+        ("gravity=", 'density="1.2" gravity=', "leaves out drag of air or water (density, viscosity)"),
     ],
-    ids=["gear", "second actuator", "equality"],
+    ids=[
+        "gear",
+        "second actuator",
+        "equality",
+        "tendon spring",
+        "tendon friction",
+        "tendon limits",
+        "hardening spring",
+        "quadratic damping",
+        "actuator damping",
+        "fluid",
+    ],
 )
 def test_a_model_that_does_something_else_than_robot_toml_says_is_told(
     write_robot: Callable[..., Path], old: str, new: str, said: str
@@ -311,6 +336,31 @@ def test_a_model_that_does_something_else_than_robot_toml_says_is_told(
     changed = text[: text.rindex(old)] + new + text[text.rindex(old) + len(old) :]
     model.write_text(changed, encoding="utf-8")
     assert any(said in message for _, message in doubts(load_robot(folder))), [*doubts(load_robot(folder))]
+
+
+def test_a_tendon_that_does_nothing_is_no_matter(write_robot: Callable[..., Path]) -> None:
+    xml = ARM_XML.replace("</actuator>", TENDON.format(""))
+    folder = write_robot(('engines = ["mujoco"]', 'engines = ["joint"]'), xml=xml)
+    assert not any("leaves out" in message for _, message in doubts(load_robot(folder)))
+
+
+def test_a_second_action_on_a_joint_is_refused_at_its_line(write_robot: Callable[..., Path]) -> None:
+    """Of two commands on one joint one was ignored, and the advice to keep one actuator did not help."""
+    action = '[[actions]]\nname = "elbow/target"\nunit = "rad"\n\n'
+    drive = '[[drives]]\njoint = "elbow/target"\ntype = "position"\ngain = 5.0\n\n'
+    folder = write_robot(
+        ('joint = "elbow"', 'joint = "elbow/torque"'),
+        ("[reset]", f"{drive}[reset]"),
+        ("[[settings]]", f"{action}[[settings]]"),
+    )
+    xml = ARM_XML.replace('<motor joint="elbow"/>', '<motor joint="elbow"/><position joint="elbow" kp="5"/>')
+    (folder / "model.xml").write_text(xml, encoding="utf-8")
+    robot = load_robot(folder)
+    with pytest.raises(RobotError, match="keep one of 'elbow/torque' and 'elbow/target'"):
+        rollout(robot, robot.space.nominal[None], Run(np.zeros((1, 3, 3))), threads=1)
+    (found,) = [one for one in inspect_robot(folder) if one.severity == "error"]
+    assert "action 'elbow/target': joint 'elbow' already has the action 'elbow/torque'" in found.message
+    assert (folder / "robot.toml").read_text().split("\n")[found.line - 1] == 'name = "elbow/target"'
 
 
 def test_only_what_an_active_constraint_binds_and_nobody_logs_is_told(tmp_path: Path) -> None:

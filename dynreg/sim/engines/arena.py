@@ -24,6 +24,7 @@ from dynreg.sim.engines.mujoco_model import (
 )
 from dynreg.sim.engines.mujoco_reset import foot_spheres, named_geoms, reset
 from dynreg.sim.engines.mujoco_steps import Drives, EffectSteps, Steps, busy_simulations
+from dynreg.sim.fields import own_field
 from dynreg.sim.layout import Layout, base_motion, filters, headed, observe
 from dynreg.sim.ports import law_changes, servo_law
 from dynreg.sim.robot import Robot
@@ -157,7 +158,8 @@ class Simulations:
         places = np.empty((run.steps + 1, self._batch.nsim, len(tracked), 3)) if len(tracked) else None
         base, fell, taken = _walk(self.robot, self._batch, self.layout, steps, spheres, heights, places)
         bodies = None if places is None else np.swapaxes(places, 0, 1)
-        touching = np.moveaxis(heights - model.geom_size[spheres, 0] < TOUCHING, 0, -1)
+        radii = own_field(self._batch, model, "geom_size")[:, spheres, 0]
+        touching = np.moveaxis(heights - radii < TOUCHING, 0, -1)
         names = named_geoms(model, spheres)
         return Walk(base, fell, taken, {name: touching[:, i] for i, name in enumerate(names)}, bodies)
 

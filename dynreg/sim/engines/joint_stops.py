@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
+from dynreg.sim.fields import own_field
 from dynreg.sim.layout import Layout
 
 _LEAST, _MOST = mujoco.mjMINIMP, mujoco.mjMAXIMP  # between which MuJoCo keeps impedances
@@ -19,7 +20,7 @@ def stop_rows(batch: Batch, model: mujoco.MjModel, layout: Layout, h: np.ndarray
     """
     joints = model.dof_jntid[layout.action_dof]
     ranges, reference, impedance, margin = (
-        _own(batch, model, name)[:, joints]
+        own_field(batch, model, name)[:, joints]
         for name in ("jnt_range", "jnt_solref", "jnt_solimp", "jnt_margin")
     )
     free = model.jnt_limited[joints] == 0
@@ -37,12 +38,6 @@ def stop_rows(batch: Batch, model: mujoco.MjModel, layout: Layout, h: np.ndarray
         "POWER": np.maximum(impedance[..., 4], 1.0),
     }
     return {name: np.broadcast_to(row, (batch.nsim, len(joints))) for name, row in rows.items()}
-
-
-def _own(batch: Batch, model: mujoco.MjModel, field: str) -> np.ndarray:
-    """(n or 1, joints, ...) a field of the model, each simulation's own where they differ."""
-    own = batch.expanded(field)
-    return getattr(model, field)[None] if own is None else own
 
 
 def _reference(

@@ -85,7 +85,10 @@ def _rub(
 # are in use, each is made anew (0.2 to 0.5 ms) in every rollout.
 @lru_cache(maxsize=64)
 def compiled(robot: Robot) -> tuple[mujoco.MjModel, Layout]:
-    """The model with affine actuators (so that any drive is a choice of parameters) and its layout."""
+    """The model with affine actuators (so that any drive is a choice of parameters) and its layout.
+
+    Its actuators have no delays: their past would belong to where an episode starts, and only one engine would know it.
+    """
     _untimed()
     layout = layout_of(robot)
     model = copy.copy(robot.model)
@@ -95,6 +98,7 @@ def compiled(robot: Robot) -> tuple[mujoco.MjModel, Layout]:
     model.actuator_biasprm[at] = 0.0
     model.actuator_forcelimited[at] = 1
     model.actuator_ctrllimited[at] = 0
+    model.actuator_delay[:], model.actuator_history[:] = 0.0, 0
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     # link lengths differ between simulations: bounding volumes of the midphase would be the base model's
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE

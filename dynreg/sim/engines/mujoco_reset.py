@@ -5,6 +5,7 @@ import numpy as np
 from mujoco.batch import Batch
 
 from dynreg.sim.engines.acting import true_states
+from dynreg.sim.fields import own_field
 from dynreg.sim.layout import Layout, filters, place, place_base
 from dynreg.sim.ports import Ports, takes_positions
 from dynreg.sim.robot import Robot
@@ -104,7 +105,8 @@ def _clearance(batch: Batch, model: mujoco.MjModel, root: int) -> np.ndarray:
         batch.bind("geom_xmat"),
     )  # filled by calls made after they are bound
     batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS)
-    heights = [lowest(model, int(g), centres[:, g], turned[:, g]) for g in touching(model, root)]
+    sizes = own_field(batch, model, "geom_size")
+    heights = [lowest(model, int(g), sizes[:, g], centres[:, g], turned[:, g]) for g in touching(model, root)]
     return np.min(heights, axis=0) if heights else np.zeros(batch.nsim)
 
 
@@ -119,21 +121,25 @@ def _collides(model: mujoco.MjModel) -> np.ndarray:
     return (model.geom_contype > 0) | (model.geom_conaffinity > 0)
 
 
-def lowest(model: mujoco.MjModel, geom: int, centre: np.ndarray, turned: np.ndarray) -> np.ndarray:
-    """(n,) height of a geom's lowest point, from its centre (n, 3) and its rotation (n, 9)."""
-    kind, size = model.geom_type[geom], model.geom_size[geom]
+def lowest(
+    model: mujoco.MjModel, geom: int, size: np.ndarray, centre: np.ndarray, turned: np.ndarray
+) -> np.ndarray:
+    """(n,) height of a geom's lowest point, from its size (n or 1, 3), its centre (n, 3) and its rotation (n, 9)."""
+    kind = model.geom_type[geom]
     down = turned.reshape(-1, 3, 3)[:, 2]  # how far up each axis of the geom points
     if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
-        return centre[:, 2] - size[0]
+        return centre[:, 2] - size[:, 0]
     if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
-        return centre[:, 2] - size[0] - np.abs(down[:, 2]) * size[1]
+        return centre[:, 2] - size[:, 0] - np.abs(down[:, 2]) * size[:, 1]
     if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
         return (
             centre[:, 2]
-            - np.abs(down[:, 2]) * size[1]
-            - np.sqrt(np.maximum(1 - down[:, 2] ** 2, 0.0)) * size[0]
+            - np.abs(down[:, 2]) * size[:, 1]
+            - np.sqrt(np.maximum(1 - down[:, 2] ** 2, 0.0)) * size[:, 0]
         )
     if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
         return centre[:, 2] - np.sqrt(((down * size) ** 2).sum(axis=1))
+    if kind == mujoco.mjtGeom.mjGEOM_BOX and (size != model.geom_size[geom]).any():
+        return centre[:, 2] - (np.abs(down) * size).sum(axis=1)
     middle, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
     return centre[:, 2] + down @ middle - np.abs(down) @ half
