@@ -9,6 +9,7 @@ from mujoco.batch import Batch
 
 from dynreg.errors import RobotError
 from dynreg.sim.engines.mujoco_model import configure
+from dynreg.sim.fields import link_length, modify
 from dynreg.sim.ports import Ports
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
@@ -101,6 +102,43 @@ def test_a_longer_link_has_longer_capsules():
     np.testing.assert_allclose(batch.expand("geom_rbound")[:, upper], size[:, upper, :2].sum(axis=1))
 
 
+MARKED = """
+<mujoco><worldbody><geom name="floor" type="plane" size="1 1 0.1"/>
+<body name="arm"><joint name="j" axis="0 1 0"/><geom type="sphere" size="0.1" pos="0 0 -0.3" mass="0.5"/>
+  <body name="tool0" pos="0 0 -0.3"/></body></worldbody></mujoco>
+"""
+
+
+def _modified(entry: str, values: list[float]) -> Batch:
+    model = mujoco.MjModel.from_xml_string(MARKED)
+    batch = Batch(model, len(values))
+    modify(batch, model, parse(entry), np.array(values))
+    return batch
+
+
+def test_a_factor_on_masses_leaves_bodies_without_mass_as_they_are():
+    """Frames such as tool0 weigh nothing, in models from URDF."""
+    batch, inertia = _modified("modifier.mass[*] *=", [1.0, 3.0]), 0.4 * 0.5 * 0.1**2
+    np.testing.assert_array_equal(batch.expand("body_mass"), [[0, 0.5, 0], [0, 1.5, 0]])
+    np.testing.assert_allclose(
+        batch.expand("body_inertia")[:, :, 0], [[0, inertia, 0], [0, 3 * inertia, 0]], rtol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ("entry", "said"),
+    [
+        ("modifier.mass[tool0] =", r"'tool0' has no mass.*'\*='.*'modifier.added_mass\[tool0\] \+='"),
+        ("modifier.mass[*] +=", "'tool0' has no mass"),
+        ("modifier.mass[world] *=", "nothing is named 'world'.*arm"),
+        ("modifier.link_length[world] *=", "nothing is named 'world'.*arm"),
+    ],
+)
+def test_bodies_whose_mass_or_length_nothing_can_set_are_refused(entry: str, said: str):
+    with pytest.raises(RobotError, match=said):
+        _modified(entry, [1.0])
+
+
 def test_rows_that_are_not_named_stay(write_robot: Callable[..., Path]):
     robot = load_robot(write_robot(parameters=parameter("p", "mj.body_mass[u*] =", high=4.0)))
     batch, _ = _configured(robot, np.array([[2.0], [3.0]]))
@@ -148,7 +186,5 @@ def test_a_link_without_length_cannot_be_scaled():
     model = mujoco.MjModel.from_xml_string(
         '<mujoco><worldbody><body name="b"><joint/><geom size="0.1"/></body></worldbody></mujoco>'
     )
-    from dynreg.sim.fields import link_length
-
     with pytest.raises(RobotError, match="'b' has no length"):
         link_length(model, 1)
