@@ -97,7 +97,26 @@ def parse(text: str) -> Assignment:
         port, _, key = assignment.path.partition(".")
         _check_choice(text, port, tuple(PORT_KEYS))
         _check_choice(text, key, PORT_KEYS[port])
+    _check_brackets(assignment)
     return assignment
+
+
+def _check_brackets(assignment: Assignment) -> None:
+    """RobotError for an index or elements that would do nothing."""
+    whole = f"{assignment.root}.{assignment.path}"
+    single = assignment.root == "control" or whole.startswith("port.base.") or whole == "modifier.gravity"
+    if single and assignment.elements:
+        raise RobotError(
+            f"sets entry {assignment.text!r}: {whole} is one number of the whole robot",
+            expected=f"'{whole} {assignment.op}'",
+            do="leave the brackets out",
+        )
+    if assignment.index is not None and (assignment.root != "mj" or assignment.path.startswith("opt.")):
+        raise RobotError(
+            f"sets entry {assignment.text!r}: what it names has no index [{assignment.index}]",
+            expected="an index behind the elements of a field of the model, such as 'mj.geom_friction[foot][0] ='",
+            do="leave the index out",
+        )
 
 
 def _check_choice(text: str, given: str, choices: tuple[str, ...]) -> None:

@@ -47,6 +47,12 @@ def test_every_form_is_read(text: str, parts: tuple):
         ("port.gain =", "'gain'.*drive"),
         ("control.speed =", "'speed'.*rate"),
         ("modifier.length[a] =", "'length'.*link_length"),
+        ("modifier.gravity[arm] =", "whole robot.*'modifier.gravity ='"),
+        ("control.rate[j] *=", "whole robot.*'control.rate \\*='"),
+        ("port.base.track[left] =", "whole robot.*'port.base.track ='"),
+        ("port.friction.coulomb[j][3] =", r"no index \[3\]"),
+        ("modifier.link_length[arm][2] *=", r"no index \[2\]"),
+        ("mj.opt.gravity[2][1] =", r"no index \[1\]"),
     ],
 )
 def test_what_is_no_entry_is_refused(text: str, said: str):
