@@ -9,11 +9,11 @@ from mujoco.batch import Batch
 
 from dynreg.errors import RobotError
 from dynreg.sim.engines.mujoco_model import configure
-from dynreg.sim.fields import link_length, modify
+from dynreg.sim.fields import link_length, modify, set_field
 from dynreg.sim.ports import Ports
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
-from dynreg.sim.sets import combine, parse
+from dynreg.sim.sets import combine, matching, parse
 
 
 @pytest.mark.parametrize(
@@ -120,6 +120,24 @@ def _modified(entry: str, values: list[float]) -> Batch:
     batch = Batch(model, len(values))
     modify(batch, model, parse(entry), np.array(values))
     return batch
+
+
+def test_all_elements_are_those_without_a_name_too():
+    names = ["floor", "", "left_foot"]
+    assert matching(names, ("*",), "any").tolist() == matching(names, (), "any").tolist() == [0, 1, 2]
+    assert matching(names, ("*o*",), "any").tolist() == [0, 2]
+    assert matching(["", ""], ("*",), "any").tolist() == [0, 1]
+    for patterns in ((), ("?*",)):
+        with pytest.raises(RobotError, match="the model names none"):
+            matching([""] * len(patterns), patterns, "any")
+
+
+def test_all_geoms_of_a_model_get_a_friction():
+    """The sphere of the arm has no name, as geoms seldom have."""
+    model = mujoco.MjModel.from_xml_string(MARKED)
+    batch = Batch(model, 1)
+    set_field(batch, model, parse("mj.geom_friction[*][0] ="), np.array([0.1]))
+    np.testing.assert_array_equal(batch.expand("geom_friction")[0, :, 0], [0.1, 0.1])
 
 
 def test_a_factor_on_masses_leaves_bodies_without_mass_as_they_are():
