@@ -19,6 +19,7 @@ _OBJECTS = MappingProxyType(
         "site": mujoco.mjtObj.mjOBJ_SITE,
         "tendon": mujoco.mjtObj.mjOBJ_TENDON,
         "sensor": mujoco.mjtObj.mjOBJ_SENSOR,
+        "pair": mujoco.mjtObj.mjOBJ_PAIR,
     }
 )
 
