@@ -14,13 +14,17 @@ from dynreg.sim.robot import Robot
 # Half and twice name the same 16 of 21 (bench_constants). The fewer, the nearer to its nameplate a first fit stays, and
 # the more a cause gains: 3234, 2777, 2363 nats.
 BEFORE = 20.0  # independent samples of a rollout before anything is known of its residual
+# A simulator that rests with the robot leaves nothing in a window, which without a floor would be infinitely likely:
+# every other window would count for nothing. Sensors seldom resolve more than a thousandth of the motion.
+UNSTATED = 1e-3  # of a channel's spread: 1 sigma where neither noise nor quantum is stated
 
 
 @dataclass(frozen=True, eq=False)
 class Data:
     """A robot's recording in windows and parts, with its scale: the unit of each channel, and its stated noise.
 
-    windows : errors are in units of their spread. noise : (S,) 1 sigma of every channel, in its unit.
+    windows : errors are in units of their spread. noise : (S,) 1 sigma of every channel, in its unit; 0 where none is
+    stated.
     segments : into how many stretches of time the residual of each window is cut, each with a variance of its own.
     apart : whether each window counts by its own correlation time; see `effective_samples`.
     """
@@ -50,8 +54,9 @@ class Data:
 
     @cached_property
     def floor(self) -> np.ndarray:
-        """(C,) variance of their stated noise, in units of spread^2."""
-        return (self.noise[self.use] / self.spread) ** 2
+        """(C,) variance of their stated noise, in units of spread^2; that of `UNSTATED` where none is stated."""
+        stated = self.noise[self.use]
+        return np.where(stated > 0, stated / self.spread, UNSTATED) ** 2
 
     @property
     def fit(self) -> np.ndarray:

@@ -19,6 +19,7 @@ _OBJECTS = MappingProxyType(
         "site": mujoco.mjtObj.mjOBJ_SITE,
         "tendon": mujoco.mjtObj.mjOBJ_TENDON,
         "sensor": mujoco.mjtObj.mjOBJ_SENSOR,
+        "pair": mujoco.mjtObj.mjOBJ_PAIR,
     }
 )
 
@@ -76,11 +77,11 @@ def set_field(batch, model: mujoco.MjModel, assignment: Assignment, values: np.n
 
 
 def modify(batch, model: mujoco.MjModel, assignment: Assignment, values: np.ndarray) -> None:
-    """Apply a named modifier from (B,) values.
+    """Apply a named modifier from (B,) values; RobotError where it cannot be applied.
 
-    gravity [m/s^2, downwards], mass [kg or factor; inertia in proportion], added_mass [kg; at a site with the site's
-    shape, on a body spread as that is], link_length [m or factor; the link's children, geometry, mass (as length) and
-    inertia (as length cubed, a slender rod)].
+    gravity [m/s^2, downwards], mass [kg or factor; inertia in proportion; a factor leaves bodies without mass as they
+    are], added_mass [kg; at a site with the site's shape, on a body spread as that is], link_length [m or factor; the
+    link's children, geometry, mass (as length) and inertia (as length cubed, a slender rod)]. The world is no body.
     """
     if assignment.path == "gravity":
         gravity = batch.expand("opt.gravity")
@@ -89,15 +90,26 @@ def modify(batch, model: mujoco.MjModel, assignment: Assignment, values: np.ndar
     if assignment.path == "added_mass":
         _add_masses(batch, model, assignment, values)
         return
-    bodies = matching(names_of(model, "body"), assignment.elements, assignment.text)
+    bodies = 1 + matching(names_of(model, "body")[1:], assignment.elements, assignment.text)
+    change = _set_mass if assignment.path == "mass" else _scale_link
     for body in bodies:
-        if assignment.path == "mass":
-            old = batch.expand("body_mass")[:, body].copy()
-            new = combine(assignment.op, old, values)
-            batch.expand("body_inertia")[:, body] *= (new / old)[:, None]
-            batch.expand("body_mass")[:, body] = new
-        else:
-            _scale_link(batch, model, int(body), assignment, values)
+        change(batch, model, int(body), assignment, values)
+
+
+def _set_mass(batch, model: mujoco.MjModel, body: int, assignment: Assignment, values: np.ndarray) -> None:
+    old = batch.expand("body_mass")[:, body].copy()
+    massless = old == 0.0
+    if assignment.op != "*=" and massless.any():
+        name = model.body(body).name
+        raise RobotError(
+            f"sets entry {assignment.text!r}: body {name or body!r} has no mass that its inertia could grow with",
+            expected="bodies with a mass, or OP '*=', which leaves the others as they are",
+            do=f"name the bodies, or give it mass with 'modifier.added_mass[{name or 'SITE'}] +='",
+        )
+    new = combine(assignment.op, old, values)
+    factor = np.where(massless, 1.0, new / np.where(massless, 1.0, old))
+    batch.expand("body_inertia")[:, body] *= factor[:, None]
+    batch.expand("body_mass")[:, body] = new
 
 
 def _add_masses(batch, model: mujoco.MjModel, assignment: Assignment, values: np.ndarray) -> None:

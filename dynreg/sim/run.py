@@ -25,8 +25,9 @@ class Run:
     period : seconds between commands; None takes each simulator's own command rate.
     noise : (E, T, A), or (B, E, T, A) as the actions: standard normal draws for the motor noise; None runs without it.
     draws : in the same shapes, what effects read as `Moment.draw`: what disturbs hidden robots; None for 0.
-    begin : (E,) seconds from the start of the log to that of each episode (what warms up or wears goes on);
-        None starts them all at once.
+    begin : (E,) seconds from the start of the log to that of each episode; None starts them all at once. What reads
+        `Moment.time`, such as `friction_drift`, goes on from there; what is in `Moment.memory` (heat, the place in a
+        play) begins anew.
     joints : the driven joints that are looked at; None for all. An engine in which joints move alone leaves the
         others out, and their channels are NaN.
     """

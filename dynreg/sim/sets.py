@@ -1,8 +1,8 @@
 """The `sets` grammar of robot.toml: "TARGET OP" says what a value does to a simulator.
 
 TARGET is `mj.<MjModel field>[<elements>][<index>]`, `port.<port>.<key>[<joints or actions>]`,
-`control.<key>` or `modifier.<name>[<bodies or sites>]`; elements are names or globs, separated by commas; OP is `=`,
-`+=` or `*=`.
+`control.<key>` or `modifier.<name>[<bodies or sites>]`; elements are names or globs, separated by commas, and without
+them all are meant; OP is `=`, `+=` or `*=`.
 """
 
 import re
@@ -97,7 +97,26 @@ def parse(text: str) -> Assignment:
         port, _, key = assignment.path.partition(".")
         _check_choice(text, port, tuple(PORT_KEYS))
         _check_choice(text, key, PORT_KEYS[port])
+    _check_brackets(assignment)
     return assignment
+
+
+def _check_brackets(assignment: Assignment) -> None:
+    """RobotError for an index or elements that would do nothing."""
+    whole = f"{assignment.root}.{assignment.path}"
+    single = assignment.root == "control" or whole.startswith("port.base.") or whole == "modifier.gravity"
+    if single and assignment.elements:
+        raise RobotError(
+            f"sets entry {assignment.text!r}: {whole} is one number of the whole robot",
+            expected=f"'{whole} {assignment.op}'",
+            do="leave the brackets out",
+        )
+    if assignment.index is not None and (assignment.root != "mj" or assignment.path.startswith("opt.")):
+        raise RobotError(
+            f"sets entry {assignment.text!r}: what it names has no index [{assignment.index}]",
+            expected="an index behind the elements of a field of the model, such as 'mj.geom_friction[foot][0] ='",
+            do="leave the index out",
+        )
 
 
 def _check_choice(text: str, given: str, choices: tuple[str, ...]) -> None:
@@ -110,10 +129,13 @@ def _check_choice(text: str, given: str, choices: tuple[str, ...]) -> None:
 
 
 def matching(names: list[str], patterns: tuple[str, ...], text: str) -> np.ndarray:
-    """Indexes of `names` that match any of the globs `patterns`; RobotError when a pattern matches none."""
+    """Indexes of `names` that match any of the globs `patterns`; RobotError when a pattern matches none.
+
+    A bare "*", or no pattern, is all of them, those without a name ("") too; no other glob matches these.
+    """
     found: set[int] = set()
     for pattern in patterns or ("*",):
-        hits = [i for i, name in enumerate(names) if name and fnmatchcase(name, pattern)]
+        hits = [i for i, name in enumerate(names) if pattern == "*" or (name and fnmatchcase(name, pattern))]
         if not hits:
             raise RobotError(
                 f"sets entry {text!r}: nothing is named {pattern!r}",

@@ -10,6 +10,7 @@ from legs import calibrated, over_its_stop
 from dynreg.diagnose.plans import Contact
 from dynreg.diagnose.plans.polish import polish
 from dynreg.evidence.accuracy import ROUGH, Accuracy, rough
+from dynreg.evidence.data import UNSTATED
 from dynreg.evidence.fit import best_of, carried, fit
 from dynreg.evidence.hypothesis import Hypothesis
 from dynreg.evidence.likelihood import objective
@@ -49,6 +50,24 @@ def test_a_fit_goes_on_until_derivatives_to_either_side_gain_nothing(sides, gain
     told = Told(sides, gains)
     told.fitted()
     assert len(told.ends) == iterations
+
+
+def test_a_window_at_rest_hides_no_others_where_no_noise_is_stated():
+    """Every simulator rests in the second window, to the bit; the first one tells the parameter."""
+    model, data = held_against_zero("zero_offset", tolerance=10.0)
+    quiet = replace(data, noise=np.zeros_like(data.noise))
+
+    def answer(one: Ask) -> np.ndarray:
+        off = model.coordinates.from_values(one.case.values)[:, 0] - 0.3
+        moving = np.array([1.0, 0.0])[None, :, None] * np.sin(np.arange(40))
+        return first_channel(one, off[:, None, None] * moving)
+
+    with np.errstate(all="raise"):
+        (found,), cost = answered(fit(model, [model.start], quiet.sample(quiet.fit), iterations=8), answer)
+    assert np.isfinite(cost).all()
+    assert found.nominal[0] == pytest.approx(0.3, abs=1e-4)
+    np.testing.assert_array_equal(quiet.floor, UNSTATED**2)
+    np.testing.assert_array_equal(data.floor, (data.noise / data.windows.spread)[data.use] ** 2)
 
 
 def test_derivatives_to_one_side_are_taken_to_either_in_turn():

@@ -9,10 +9,11 @@ from mujoco.batch import Batch
 
 from dynreg.errors import RobotError
 from dynreg.sim.engines.mujoco_model import configure
+from dynreg.sim.fields import link_length, modify, set_field
 from dynreg.sim.ports import Ports
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
-from dynreg.sim.sets import combine, parse
+from dynreg.sim.sets import combine, matching, parse
 
 
 @pytest.mark.parametrize(
@@ -46,6 +47,12 @@ def test_every_form_is_read(text: str, parts: tuple):
         ("port.gain =", "'gain'.*drive"),
         ("control.speed =", "'speed'.*rate"),
         ("modifier.length[a] =", "'length'.*link_length"),
+        ("modifier.gravity[arm] =", "whole robot.*'modifier.gravity ='"),
+        ("control.rate[j] *=", "whole robot.*'control.rate \\*='"),
+        ("port.base.track[left] =", "whole robot.*'port.base.track ='"),
+        ("port.friction.coulomb[j][3] =", r"no index \[3\]"),
+        ("modifier.link_length[arm][2] *=", r"no index \[2\]"),
+        ("mj.opt.gravity[2][1] =", r"no index \[1\]"),
     ],
 )
 def test_what_is_no_entry_is_refused(text: str, said: str):
@@ -101,6 +108,61 @@ def test_a_longer_link_has_longer_capsules():
     np.testing.assert_allclose(batch.expand("geom_rbound")[:, upper], size[:, upper, :2].sum(axis=1))
 
 
+MARKED = """
+<mujoco><worldbody><geom name="floor" type="plane" size="1 1 0.1"/>
+<body name="arm"><joint name="j" axis="0 1 0"/><geom type="sphere" size="0.1" pos="0 0 -0.3" mass="0.5"/>
+  <body name="tool0" pos="0 0 -0.3"/></body></worldbody></mujoco>
+"""
+
+
+def _modified(entry: str, values: list[float]) -> Batch:
+    model = mujoco.MjModel.from_xml_string(MARKED)
+    batch = Batch(model, len(values))
+    modify(batch, model, parse(entry), np.array(values))
+    return batch
+
+
+def test_all_elements_are_those_without_a_name_too():
+    names = ["floor", "", "left_foot"]
+    assert matching(names, ("*",), "any").tolist() == matching(names, (), "any").tolist() == [0, 1, 2]
+    assert matching(names, ("*o*",), "any").tolist() == [0, 2]
+    assert matching(["", ""], ("*",), "any").tolist() == [0, 1]
+    for patterns in ((), ("?*",)):
+        with pytest.raises(RobotError, match="the model names none"):
+            matching([""] * len(patterns), patterns, "any")
+
+
+def test_all_geoms_of_a_model_get_a_friction():
+    """The sphere of the arm has no name, as geoms seldom have."""
+    model = mujoco.MjModel.from_xml_string(MARKED)
+    batch = Batch(model, 1)
+    set_field(batch, model, parse("mj.geom_friction[*][0] ="), np.array([0.1]))
+    np.testing.assert_array_equal(batch.expand("geom_friction")[0, :, 0], [0.1, 0.1])
+
+
+def test_a_factor_on_masses_leaves_bodies_without_mass_as_they_are():
+    """Frames such as tool0 weigh nothing, in models from URDF."""
+    batch, inertia = _modified("modifier.mass[*] *=", [1.0, 3.0]), 0.4 * 0.5 * 0.1**2
+    np.testing.assert_array_equal(batch.expand("body_mass"), [[0, 0.5, 0], [0, 1.5, 0]])
+    np.testing.assert_allclose(
+        batch.expand("body_inertia")[:, :, 0], [[0, inertia, 0], [0, 3 * inertia, 0]], rtol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ("entry", "said"),
+    [
+        ("modifier.mass[tool0] =", r"'tool0' has no mass.*'\*='.*'modifier.added_mass\[tool0\] \+='"),
+        ("modifier.mass[*] +=", "'tool0' has no mass"),
+        ("modifier.mass[world] *=", "nothing is named 'world'.*arm"),
+        ("modifier.link_length[world] *=", "nothing is named 'world'.*arm"),
+    ],
+)
+def test_bodies_whose_mass_or_length_nothing_can_set_are_refused(entry: str, said: str):
+    with pytest.raises(RobotError, match=said):
+        _modified(entry, [1.0])
+
+
 def test_rows_that_are_not_named_stay(write_robot: Callable[..., Path]):
     robot = load_robot(write_robot(parameters=parameter("p", "mj.body_mass[u*] =", high=4.0)))
     batch, _ = _configured(robot, np.array([[2.0], [3.0]]))
@@ -148,7 +210,5 @@ def test_a_link_without_length_cannot_be_scaled():
     model = mujoco.MjModel.from_xml_string(
         '<mujoco><worldbody><body name="b"><joint/><geom size="0.1"/></body></worldbody></mujoco>'
     )
-    from dynreg.sim.fields import link_length
-
     with pytest.raises(RobotError, match="'b' has no length"):
         link_length(model, 1)

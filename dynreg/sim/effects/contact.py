@@ -8,6 +8,8 @@ from dynreg.sim.effects.body import at_reset
 from dynreg.sim.effects.effect import Effect, EffectParameter, Site, Values
 from dynreg.sim.robot import Robot
 
+SLIDING = (0, 1)  # columns of `pair_friction`: along the ground in both directions
+
 
 class _OnGround(Effect):
     """Needs a ground: a geom of the world, and one of the robot that can touch it."""
@@ -32,7 +34,9 @@ class GroundFriction(_OnGround):
     separate_by = "pull the standing robot sideways with a spring scale, on each ground"
 
     def configure(self, site: Site, p: Values) -> None:
-        _scale(site, "geom_friction", 1.0 + p["change"], touching_geoms(site.robot))
+        factor = 1.0 + p["change"]
+        _scale(site, "geom_friction", factor, touching_geoms(site.robot))
+        _scale(site, "pair_friction", factor, pairs_on_ground(site.robot), SLIDING)
 
 
 class SecondFrictionMaterial(_OnGround):
@@ -48,7 +52,10 @@ class SecondFrictionMaterial(_OnGround):
     scope = "material"
 
     def why_not(self, robot: Robot) -> str | None:
-        return super().why_not(robot) or (None if self.places(robot) else "no feet on a left side")
+        reason = super().why_not(robot) or (None if self.places(robot) else "no feet on a left side")
+        if reason is None and _ground_decides(robot):
+            return "the ground's `priority` is above that of what stands on it: its friction alone counts"
+        return reason
 
     def places(self, robot: Robot) -> tuple[tuple[str, ...], ...]:
         sides = ((),) if len(left_feet(robot)) else ()
@@ -72,17 +79,21 @@ class SecondFrictionMaterial(_OnGround):
         return f"drag the robot over the ground on {at[0]!r} alone, then on another material alone, with a spring scale"
 
     def configure(self, site: Site, p: Values) -> None:
-        # contact takes the larger of both friction coefficients: the ground steps back for all others, a ball's too
-        ground = grounds(site.robot)
+        # contact takes the friction of the geom of higher priority, and of equals the larger one: the ground steps back
+        # for all others, a ball's too
+        ground, priority = grounds(site.robot), site.robot.model.geom_priority
         feet = np.setdiff1d(touching_geoms(site.robot), ground)
-        friction = site.expand("geom_friction")
+        group = unlike_materials(site.robot)[site.at[0]] if site.at else left_feet(site.robot)
+        friction, left = site.expand("geom_friction"), 1.0 - p["loss"]
         rows = np.arange(len(friction))[site.rows]
+        above = priority[feet][:, None] > priority[ground]
         common = np.maximum(
-            friction[np.ix_(rows, feet)][..., 0], friction[rows][:, ground, 0].max(1, keepdims=True)
+            friction[np.ix_(rows, feet)][..., 0],
+            np.where(above, 0.0, friction[rows][:, None, ground, 0]).max(axis=2),
         )
-        group = np.isin(feet, unlike_materials(site.robot)[site.at[0]] if site.at else left_feet(site.robot))
-        friction[np.ix_(rows, feet, [0])] = (common * np.where(group, 1.0 - p["loss"], 1.0))[..., None]
+        friction[np.ix_(rows, feet, [0])] = (common * np.where(np.isin(feet, group), left, 1.0))[..., None]
         friction[np.ix_(rows, ground, [0])] = 1e-3
+        _scale(site, "pair_friction", left, pairs_on_ground(site.robot, group), SLIDING)
 
 
 class ContactCompliance(_OnGround):
@@ -97,13 +108,9 @@ class ContactCompliance(_OnGround):
     separate_by = "press the standing robot down with a known mass and log its height"
 
     def configure(self, site: Site, p: Values) -> None:
-        geoms, factor = touching_geoms(site.robot), 1.0 + p["softening"]
-        direct = site.robot.model.geom_solref[geoms, 0] < 0.0
-        _scale(site, "geom_solref", factor, geoms[~direct])
-        if direct.any():
-            # of the constant stiffness is the inverse square, damping the inverse: MuJoCo's "Solver parameters"
-            _scale(site, "geom_solref", factor**-2.0, geoms[direct])
-            _scale(site, "geom_solref", factor**-1.0, geoms[direct], column=1)
+        factor = 1.0 + p["softening"]
+        _soften(site, "geom_solref", factor, touching_geoms(site.robot))
+        _soften(site, "pair_solref", factor, pairs_on_ground(site.robot))
 
 
 def touching_geoms(robot: Robot) -> np.ndarray:
@@ -136,6 +143,18 @@ def has_ground(robot: Robot) -> bool:
     return bool((meets | met).any())
 
 
+def pairs_on_ground(robot: Robot, geoms: np.ndarray | None = None) -> np.ndarray:
+    """Numbers of the model's <pair>s of the world with another body, or with one of these geoms.
+
+    Their contacts have friction and softness of their own, whatever those of the geoms are.
+    """
+    model = robot.model
+    both = np.stack([model.pair_geom1, model.pair_geom2], axis=1)
+    world = model.geom_bodyid[both] == 0
+    meant = ~world if geoms is None else ~world & np.isin(both, geoms)
+    return np.flatnonzero(world.any(axis=1) & meant.any(axis=1))
+
+
 def left_feet(robot: Robot) -> np.ndarray:
     """Touching spheres and capsules on the side of positive y at the reset pose, where both sides have some."""
     touching = own_touching(robot)
@@ -159,8 +178,28 @@ def unlike_materials(robot: Robot) -> dict[str, np.ndarray]:
     return {name: geoms for name, geoms in touching.items() if 0 < len(geoms) < len(own)}
 
 
-def _scale(site: Site, field: str, factor: np.ndarray, geoms: np.ndarray, column: int = 0) -> None:
-    """Multiply a number (its column) of a field of some geoms by (rows, 1) factors."""
+def _ground_decides(robot: Robot) -> bool:
+    """Whether a geom of the world has a priority above another that touches."""
+    priority, ground = robot.model.geom_priority, grounds(robot)
+    return priority[ground].max() > priority[np.setdiff1d(touching_geoms(robot), ground)].min()
+
+
+def _soften(site: Site, field: str, factor: np.ndarray, which: np.ndarray) -> None:
+    """Multiply the time constant of the solref of some geoms or pairs by (rows, 1) factors."""
+    direct = getattr(site.robot.model, field)[which, 0] < 0.0
+    _scale(site, field, factor, which[~direct])
+    if direct.any():
+        # of the constant stiffness is the inverse square, damping the inverse: MuJoCo's "Solver parameters"
+        _scale(site, field, factor**-2.0, which[direct])
+        _scale(site, field, factor**-1.0, which[direct], (1,))
+
+
+def _scale(
+    site: Site, field: str, factor: np.ndarray, which: np.ndarray, columns: tuple[int, ...] = (0,)
+) -> None:
+    """Multiply numbers (their columns) of a field of some geoms or pairs by (rows, 1) factors."""
+    if not len(which):
+        return
     array = site.expand(field)
-    where = np.ix_(np.arange(len(array))[site.rows], geoms, [column])
+    where = np.ix_(np.arange(len(array))[site.rows], which, columns)
     array[where] = array[where] * factor[:, :, None]

@@ -153,7 +153,10 @@ class VoltageSag(_OfTorque):
 
 
 class ThermalFade(_OfTorque):
-    """Torque fades as the motor warms: heat follows (torque / limit)^2 with a time constant of `WARMING`."""
+    """Torque fades as the motor warms: heat follows (torque / limit)^2 with a time constant of `WARMING`.
+
+    The motor is cold as an episode, or a window of a log, begins, whatever it did before.
+    """
 
     WARMING = 4.0  # s
 

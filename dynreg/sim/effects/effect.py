@@ -61,8 +61,8 @@ class Moment:
     time : (rows, 1) [s] since the log began. h : (rows, 1) the time step [s].
     q, v : position and velocity of the joints. load : gravity and spring torque [N m].
     torque : what the drives give [N m]; friction sees it less the drives' damping (a motor's back-EMF).
-    limit, stiffness, rate, damping, inertia : of the drive, and the joint's inertia. memory : the effect's own state,
-    kept between time steps.
+    limit, stiffness, rate, damping, inertia : of the drive, and the joint's inertia. fade : share of the limit that the
+    drive loses for one unit of speed. memory : the effect's own state, kept between time steps.
     past : command `delay` (rows, 1) [s] ago, averaged over the time step. ago : position and speed that the drive's own
     encoder said `delay` [s] ago (at most 0.2); for `feedback`. draw : of `Run.draws`, for this command.
     Drives of a planar base give speeds, which are its q and v here, and `speeds` is true; it has neither torques nor
@@ -79,6 +79,7 @@ class Moment:
     inertia: Any = None
     rate: Any = None
     damping: Any = None
+    fade: Any = None
     past: Callable[[np.ndarray], np.ndarray] | None = None
     ago: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
     now: Callable[[], np.ndarray] | None = None

@@ -19,7 +19,6 @@ class IntegralPart(OfAnyDrive):
     parameters = (
         EffectParameter("rate", "1/s", "of the target, for one unit of error", 1.0, 1.0, 1.0, 1.0),
         EffectParameter("gain", "N*m/rad", "the loop's", 1.0, 1.0, 1.0, 1.0),
-        EffectParameter("fade", "s/rad", "share of the torque limit lost with speed", 1.0, 1.0, 1.0, 1.0),
     )
 
     def command(self, u: np.ndarray, x: Moment, p: Values) -> np.ndarray:
@@ -28,7 +27,7 @@ class IntegralPart(OfAnyDrive):
         error = u - x.q
         asked = p["gain"] * (error + p["rate"] * before) - x.rate * x.v
         side = np.copysign(1.0, error)
-        most = x.limit * np.minimum(np.maximum(1.0 - p["fade"] * (side * x.v), 0.0), 1.0)  # on that side
+        most = x.limit * np.minimum(np.maximum(1.0 - x.fade * (side * x.v), 0.0), 1.0)  # on that side
         after = before + np.where(side * asked > most, 0.0, x.h * error)
         x.memory["integral"] = np.where(x.stiffness > 0.0, after, 0.0)
         return u + p["rate"] * 0.5 * (before + after)  # the mean over the time step
@@ -41,5 +40,4 @@ def integral_values(ports: Ports, joints: np.ndarray) -> Values:
     """{name: (n, A')} its values for drives (A',) by their numbers, of n simulations, by their ports."""
     drive = {key: value[:, joints] for key, value in ports.drive.items()}
     rate = drive["integral_gain"] / np.maximum(drive["gain"], 1e-9)
-    fade = np.where(drive["back_emf"] > 0.5, 0.0, 1.0 / drive["speed_limit"])
-    return {"rate": rate, "gain": drive["gain"] * drive["gain_factor"], "fade": fade}
+    return {"rate": rate, "gain": drive["gain"] * drive["gain_factor"]}

@@ -148,8 +148,9 @@ def configure_terms(
 def prepare(active: list[Acting], law: ServoLaw, inertia: np.ndarray, clock: "Clock") -> None:
     """Tell the terms what holds for their rows: the drive's law (n, A), inertia (n, A), and the clock."""
     clock.show(active)
+    told = {name: getattr(law, name) for name in ("limit", "stiffness", "rate", "damping", "fade")}
     for a in active:
-        a.see(limit=law.limit, stiffness=law.stiffness, rate=law.rate, damping=law.damping, inertia=inertia)
+        a.see(**told, inertia=inertia)
 
 
 def on(active: list[Acting], port: str) -> list[Acting]:

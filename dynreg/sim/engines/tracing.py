@@ -43,6 +43,7 @@ _ALWAYS = {
     "stiffness": "STIFFNESS",
     "rate": "RATE",
     "damping": "DAMPING",
+    "fade": "FADE",
     "inertia": "INERTIA",
 }
 

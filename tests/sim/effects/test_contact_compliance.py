@@ -9,6 +9,8 @@ from dynreg.sim.effects import effects
 from dynreg.sim.effects.contact import touching_geoms
 from dynreg.sim.robot import Robot, load_robot
 
+TOUCHING = ("geom_contype", "geom_conaffinity", "geom_bodyid", "pair_geom1", "pair_geom2", "pair_solref")
+
 
 def test_a_direct_solref_becomes_softer_as_a_time_constant_does():
     """(0.02 s, 1) is a stiffness of 2500 and a damping of 100, which grew to 6250 with the constant."""
@@ -27,4 +29,4 @@ def test_a_direct_solref_becomes_softer_as_a_time_constant_does():
 
 def touches(robot: Robot) -> dict[str, np.ndarray]:
     """Which of a robot's geoms touch which."""
-    return {name: getattr(robot.model, name) for name in ("geom_contype", "geom_conaffinity")}
+    return {name: getattr(robot.model, name) for name in TOUCHING}

@@ -83,6 +83,16 @@ def test_the_load_and_the_inertia_of_the_servo_are_its_pendulum_s():
     assert np.abs(changed).max() < 0.02 * np.abs(states).max()
 
 
+@pytest.mark.parametrize(("key", "goes_on"), [("thermal_fade", False), ("friction_drift", True)])
+def test_time_goes_on_from_where_an_episode_begins_and_memory_does_not(key: str, goes_on: bool):
+    """A motor is cold as a window begins, 100 s into its log as at the start."""
+    b = bench("servo")
+    alone = [replace(b.run, begin=np.full(b.run.episodes, begin)) for begin in (0.0, 100.0)]
+    terms = Terms((term(key),), (np.array([[0.4]]),))
+    early, late = (rollout(b.robot, b.robot.space.nominal[None], run, terms=terms).states for run in alone)
+    assert np.array_equal(early, late) != goes_on
+
+
 def test_the_load_of_the_servo_in_mujoco_is_that_of_the_time_step_before():
     b, witness = bench("servo_mujoco"), Witness()
     b.states({witness: 1.0})

@@ -167,6 +167,16 @@ def test_without_an_integral_gain_it_is_a_position_drive(tmp_path: Path, engine:
 
 
 @pytest.mark.parametrize("engine", ENGINES)
+def test_a_speed_limit_without_a_torque_limit_limits_nothing(tmp_path: Path, engine: str):
+    """On its way up the pendulum is faster than 1 rad/s, and the integral grows all the same."""
+    run, (free, slow) = steps(2.0), (tuple(k for k in KEYS if k not in out) for out in (KEYS[3:], KEYS[3:4]))
+    plain = moved(load_robot(written(tmp_path, keys=free)), run, engine)
+    assert plain[:, 1].max() > 2.0
+    limited = moved(load_robot(written(tmp_path, keys=slow, speed_limit=1.0)), run, engine)
+    np.testing.assert_array_equal(limited, plain)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
 def test_long_saturation_winds_nothing_up(robot: Robot, engine: str):
     """Too weak for the weight at its target, it hangs at 1 rad for 4 s; then it comes to a target below at once.
 
