@@ -139,7 +139,7 @@ def lowest(
         )
     if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
         return centre[:, 2] - np.sqrt(((down * size) ** 2).sum(axis=1))
-    if kind == mujoco.mjtGeom.mjGEOM_BOX and (size != model.geom_size[geom]).any():
+    if kind == mujoco.mjtGeom.mjGEOM_BOX:
         return centre[:, 2] - (np.abs(down) * size).sum(axis=1)
     middle, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
     return centre[:, 2] + down @ middle - np.abs(down) @ half
