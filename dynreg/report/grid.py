@@ -1,10 +1,11 @@
 """One table of text, at most as wide as the console."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from rich import box
-from rich.console import Group, RenderableType
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
 from rich.table import Table
 from rich.text import Text
 
@@ -12,22 +13,74 @@ from dynreg.report.words import interval, interval_words, number
 from dynreg.results.result import Estimate
 
 KEPT_WHOLE = 32  # a first cell shorter than this is not wrapped
+WORD = 12  # characters that stay together: numbers with their units and ids are no longer
+GAP = 3  # characters between two columns
 _LINES = box.SIMPLE_HEAD
 
 
 def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], title: str | None = None) -> RenderableType:
     """A table with right-aligned numbers, under a line with its title."""
-    rows = [tuple(row) for row in rows]
-    out = Table(box=_LINES, show_edge=False, show_header=any(columns), pad_edge=False, header_style="bold")
-    for i, name in enumerate(columns):
-        numeric = bool(rows) and all(isinstance(row[i], int | float | None) for row in rows)
-        short = all(len(str(row[i])) < KEPT_WHOLE for row in rows)
-        out.add_column(
-            name, justify="right" if numeric else "left", overflow="fold", no_wrap=i == 0 and short
-        )
-    for row in rows:
-        out.add_row(*(cell if isinstance(cell, str) else number(cell) for cell in row))
+    out = _Grid(tuple(columns), tuple(tuple(row) for row in rows))
     return Group(Text(f"\n{title}", style="bold"), out) if title else out
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """Cells under names. Where they are too wide together, names of columns wrap first, then those of rows.
+
+    Numbers wrap only where nothing else helps: in two lines, 4.32e-05 reads as 4.32e-0.
+    """
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Any, ...], ...]
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        cells = [[c if isinstance(c, str) else number(c) for c in row] for row in self.rows]
+        numeric = [
+            bool(cells) and all(isinstance(row[i], int | float | None) for row in self.rows)
+            for i in range(len(self.columns))
+        ]
+        widths = self._widths(cells, options.max_width)
+        short = all(len(row[0]) < KEPT_WHOLE for row in cells)
+        out = Table(
+            box=_LINES, show_edge=False, show_header=any(self.columns), pad_edge=False, header_style="bold"
+        )
+        for i, name in enumerate(self.columns):
+            out.add_column(
+                name,
+                justify="right" if numeric[i] else "left",
+                overflow="fold",
+                no_wrap=i == 0 and short and widths is None,
+                width=widths and widths[i],
+            )
+        for row in cells:
+            out.add_row(*row)
+        yield out
+
+    def _widths(self, cells: list[list[str]], most: int) -> list[int] | None:
+        """Of the columns, in characters; None where all fit as they are, or do not fit at all."""
+        columns = range(len(self.columns))
+        room = most - GAP * (len(columns) - 1)
+        longest, words = (
+            [_longest(row[i].split(at) for row in cells) for i in columns] for at in ("\n", None)
+        )
+        if sum(map(max, longest, map(len, self.columns))) <= room:
+            return None
+        natural = [*map(max, longest, (_longest([name.split()]) for name in self.columns))]
+        out = [wide if wide <= WORD else min(word, WORD) for wide, word in zip(longest, words, strict=True)]
+        spare = min(room, sum(natural)) - sum(out)
+        if spare < 0:
+            return None
+        first = min(spare, natural[0] - out[0]) if longest[0] < KEPT_WHOLE else 0
+        out[0], spare = out[0] + first, spare - first
+        while spare > 0:  # fewer than all want, as these do not fit
+            narrowest = min((i for i in columns if out[i] < natural[i]), key=lambda i: out[i] / natural[i])
+            out[narrowest], spare = out[narrowest] + 1, spare - 1
+        return out
+
+
+def _longest(texts: Iterable[Sequence[str]]) -> int:
+    return max((len(text) for parts in texts for text in parts), default=0)
 
 
 def estimate_table(parameters: dict[str, Estimate], title: str, reliable: bool = True) -> RenderableType:

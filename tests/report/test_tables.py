@@ -5,6 +5,7 @@ import io
 import made_up_comparison
 import made_up_results
 import pytest
+from rich.console import Console
 
 from dynreg.cli.output import console
 from dynreg.report.grid import table
@@ -150,3 +151,24 @@ def test_the_cost_counts_evaluations_not_simulators() -> None:
         update={"simulators": 8, "cost": found.cost.model_copy(update={"evaluations": 16})}
     )
     assert "cost: 16 distance evaluations among 8 simulators, " in text_of(two_stages)
+
+
+@pytest.mark.parametrize("width", [64, 80, 100])
+def test_no_number_is_broken_where_names_can_be(width: int) -> None:
+    """In two lines, 4.32e-05 reads as 4.32e-0."""
+    names = (
+        "channel",
+        "nominal simulator",
+        "calibrated",
+        "no prior",
+        "extended",
+        "repeatability of it",
+        "unit",
+    )
+    row = ("shoulder_lift_joint/position", 0.000734, 4.32e-05, 0.00123, 12.3, None, "rad")
+    console = Console(width=width, record=True, file=io.StringIO())
+    console.print(table(names, [row, ("elbow/position", 1.0, 2.0, 3.0, 4.0, 5.0, "m")], "errors"))
+    lines = console.export_text().splitlines()
+    assert max(map(len, lines)) <= width
+    (line,) = (line for line in lines if "4.32e-05" in line)
+    assert {"0.000734", "4.32e-05", "0.00123", "12.3", "rad"} <= {*line.split()}
