@@ -1,6 +1,5 @@
 """A robot folder drafted from a model that others wrote, and from a log where there is one."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -27,7 +26,7 @@ from dynreg.draft.measured import (
     with_measured_limits,
     without_passed_ranges,
 )
-from dynreg.draft.opened import Opened, open_model
+from dynreg.draft.opened import Opened, carries_tool, open_model
 from dynreg.draft.parameters import parameters, reasons
 from dynreg.draft.passive import REASON, of_passive
 from dynreg.draft.source import Source
@@ -59,10 +58,6 @@ RATES = (50.0, 100.0)  # Hz: of commands where no log tells, for arms and for ro
 LEGGED = 4  # drives, other than of wheels, from which on a robot with a free base is taken for one on legs
 FALLEN = 0.4  # share of the height in which the base stands below which it has fallen
 TILT = 1.0  # rad
-# words in the names of sites where makers of arms mark what carries a tool: those of MuJoCo Menagerie and robosuite
-TOOLS = frozenset(
-    {"flange", "tool", "tcp", "ee", "eef", "effector", "attachment", "gripper", "grasp", "pinch", "grip"}
-)
 
 
 def draft_robot(
@@ -282,7 +277,7 @@ def _head(
     heard_rate = told.rate([d.action for d in drives]) if told else None
     rate = heard_rate or RATES[base >= 0]
     said = "control_rate: of the log's stamps" if heard_rate else "control_rate: a guess"
-    tools = [site for site in moving_sites(model) if TOOLS & {*re.split(r"[\W\d_]+", site.lower())}]
+    tools = [site for site in moving_sites(model) if carries_tool(site)]
     return Entry(
         {
             "name": name,

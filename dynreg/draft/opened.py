@@ -18,6 +18,10 @@ from dynreg.errors import RobotError, UsageError
 from dynreg.sim.mjcf import ROOT
 
 BASE, KEY = "base", "key"  # the names of a free joint and of a keyframe that have none
+# words in the names of sites where makers of arms mark what carries a tool: those of MuJoCo Menagerie and robosuite
+TOOLS = frozenset(
+    {"flange", "tool", "tcp", "ee", "eef", "effector", "attachment", "gripper", "grasp", "pinch", "grip"}
+)
 _ODD = re.compile(r"[,\[\]*?/\s]+")  # letters that `sets` entries and channel names cannot hold
 _NAMED_BY = {  # attributes that hold the name of a joint, a body or a geom
     "joint": ("joint", "joint1", "joint2", "jointinparent"),
@@ -50,14 +54,11 @@ def open_model(source: Source, options: DraftOptions, notes: Notes) -> Opened:
     spec = _spec(source)
     assets = _gather(spec, source)
     spec.assets = dict(assets)
-    compiled(spec)
+    model, urdf = compiled(spec), is_urdf(source.files[source.model].decode("utf-8", errors="replace"))
+    if urdf:
+        _mark_tools(spec, model)
     if options.free_base is not None:
-        _set_base(
-            spec,
-            source.name,
-            options.free_base,
-            is_urdf(source.files[source.model].decode("utf-8", errors="replace")),
-        )
+        _set_base(spec, source.name, options.free_base, urdf)
     if not options.visuals:
         dropped = spec.discard_visual()
         if dropped:
@@ -70,6 +71,15 @@ def open_model(source: Source, options: DraftOptions, notes: Notes) -> Opened:
     assets = {path: assets[path] for path in _named(spec)}
     spec.assets = dict(assets)
     return Opened(_read(_with_names(spec.to_xml()), assets, source.name), assets)
+
+
+def carries_tool(name: str) -> bool:
+    """Whether a name is one of those by which makers of arms mark what carries a tool.
+
+    >>> carries_tool("tool0"), carries_tool("stool")
+    (True, False)
+    """
+    return bool(TOOLS & {*re.split(r"[\W\d_]+", name.lower())})
 
 
 def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
@@ -116,6 +126,16 @@ def _set_base(spec: mujoco.MjSpec, name: str, free: bool, urdf: bool) -> None:
             f"{name} has no body that could move freely", expected="a link", do="leave --free-base out"
         )
     first.add_freejoint(name=BASE)
+
+
+def _mark_tools(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
+    """A site on each frame of a URDF that carries a tool: an empty link at the end of a chain, named for it."""
+    parents = {*model.body_parentid[1:].tolist()}
+    for i in range(1, model.nbody):
+        empty = not (model.body_mass[i] or model.body_jntnum[i] or model.body_geomnum[i])
+        name = model.body(i).name
+        if empty and i not in parents and model.body_weldid[i] and carries_tool(name):
+            spec.body(name).add_site(name=name)
 
 
 def _files_of(spec: mujoco.MjSpec) -> Iterator[tuple[Any, str, str]]:

@@ -10,6 +10,7 @@ import strangers
 from dynreg.draft.entry import Drafted
 from dynreg.errors import RobotError
 from dynreg.sim.check import problems
+from dynreg.sim.effects import applicable
 from dynreg.sim.engines import rollout
 from dynreg.sim.lint import doubts
 from dynreg.sim.run import Run
@@ -267,4 +268,13 @@ def test_sites_that_are_named_for_a_tool_are_where_the_robot_may_carry(tmp_path)
         '<geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.015"',
     )
     assert drafted(tmp_path, text).robot.tools == ("attachment_site",)
+    frames = (
+        '<link name="tool0"/><joint name="at_end" type="fixed"><origin xyz="0.2 0 0.1"/><parent link="{0}"/>'
+        '<child link="tool0"/></joint><link name="camera"/><joint name="seen" type="fixed"><parent link="{0}"/>'
+        '<child link="camera"/></joint></robot>'
+    )
+    arm = drafted(tmp_path, strangers.URDF.replace("</robot>", frames.format("lower_link"))).robot
+    assert arm.tools == ("tool0",) and arm.model.site("tool0").bodyid[0] == arm.model.body("tool0").id
+    assert ("tool0",) in applicable(arm)["payload"].places(arm)
+    assert drafted(tmp_path, strangers.URDF).robot.tools == ()
     assert drafted(tmp_path, MODELS["position"][0]).robot.tools == ()
