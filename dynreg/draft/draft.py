@@ -137,7 +137,7 @@ def _heard(
     efforts = [(f"{d.joint}/{EFFORT}", effort_unit(model, d)) for d in drives]
     beside = spec_of(model, [(name, unit) for name, unit in efforts if name not in said], ())
     measured = heard(draft_map(log, beside)).series
-    every = Heard({**told.series, **measured})
+    every = replace(told, series={**told.series, **measured})
     require_clocks(every, log)
     if not said.keys() & told.series.keys():
         say_no_command(log, actions, [*measured], notes)
