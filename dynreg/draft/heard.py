@@ -102,8 +102,7 @@ def _often(signals: Sequence[Series]) -> float | None:
 
 
 def _clock_of(log: RawLog) -> float | None:
-    """How often the rows of a table come [Hz]; None for messages, and for a clock that seems to count in another unit.
-    """
+    """How often the rows of a table come [Hz]; None for messages, and for a clock that seems not to count seconds."""
     if "time_column" not in log.metadata:
         return None
     column = next((s for s in log.sources.values() if len(s) > 2 and likely_unit(s.time) is None), None)
