@@ -226,6 +226,16 @@ def _mapped(
     return episodes, findings, log_map
 
 
+def holds_sources(paths: Paths, spec: RecordingSpec, log_map: LogMap) -> bool:
+    """Whether logs hold every signal that a map names, but for those of optional channels: it is a map of theirs."""
+    free = {c.name for c in spec.channels if c.optional}
+    named = {source for name, c in log_map.channels.items() if name not in free for source in c.sources}
+    try:
+        return bool(named) and all(named <= log.sources.keys() for log in _logs(_expand(paths), log_map))
+    except DynregError:
+        return False
+
+
 def _logs(files: Sequence[Path], log_map: LogMap | None) -> Iterable[RawLog]:
     options = _options(log_map)
     if log_map is None or not log_map.files:

@@ -25,7 +25,7 @@ BEYOND = 0.1  # of the range between a joint's stops, by which targets may lie b
 def commanded(model: mujoco.MjModel, drives: Sequence[Drive], log: RawLog) -> DriveKind | None:
     """The kind of drive that the log's commands are for, where that is not the kind of most drives; else None."""
     own = {d.kind for d in drives}
-    joints = [d.joint for d in drives]
+    joints, also = [d.joint for d in drives], called(drives)
     hinges = [is_hinge(model, model.joint(j).id) for j in joints]
 
     def named(quantity: str, turn: str, slide: str) -> list[Named]:
@@ -34,18 +34,18 @@ def commanded(model: mujoco.MjModel, drives: Sequence[Drive], log: RawLog) -> Dr
     positions, targets = named("position", "rad", "m"), named("target", "rad", "m")
     torques = named("torque", "N*m", "N")
     if own == {"torque"}:
-        told = heard(draft_map(log, spec_of(model, positions, targets)))
+        told = heard(draft_map(log, spec_of(model, positions, targets), also))
         follow = [told.follows(f"{j}/target", f"{j}/position") for j in joints]
-        if _only_measured(draft_map(log, spec_of(model, positions, torques)), torques) and all(
+        if _only_measured(draft_map(log, spec_of(model, positions, torques), also), torques) and all(
             _within_stops(model, j, told) for j in joints
         ):
             return "position"
         return "position" if sum(follow) > HALF * len(joints) else None
     if own == {"position"} and all(d.guessed for d in drives):
-        told = heard(draft_map(log, spec_of(model, positions, targets)))
+        told = heard(draft_map(log, spec_of(model, positions, targets), also))
         if any(name in told.series for name, _ in targets):
             return None
-        forces = heard(draft_map(log, spec_of(model, positions, torques)))
+        forces = heard(draft_map(log, spec_of(model, positions, torques), also))
         return "torque" if sum(name in forces.series for name, _ in torques) > HALF * len(joints) else None
     return None
 
@@ -60,7 +60,7 @@ def as_told(model: mujoco.MjModel, drives: Sequence[Drive], log: RawLog, notes: 
         return tuple(drives)
     measured = [(f"{d.joint}/{what}", unit) for d in drives for what, unit in _motion(model, d).items()]
     spec = spec_of(model, measured, [(d.action, action_unit(model, d)) for d in drives])
-    plain, control = heard(draft_map(log, spec)), heard(map_of(log, spec, drives))
+    plain, control = heard(draft_map(log, spec, called(drives))), heard(map_of(log, spec, drives))
     kept = set()
     for drive in scaled:
         names = drive.action, f"{drive.joint}/{drive.kind}"
@@ -76,6 +76,11 @@ def as_told(model: mujoco.MjModel, drives: Sequence[Drive], log: RawLog, notes: 
     return tuple(replace(d, scale=1.0, offset=0.0) if d.joint in kept else d for d in drives)
 
 
+def called(drives: Sequence[Drive]) -> dict[str, str]:
+    """{joint: the name of its actuator in the model}, of those that have one: a log may call its command so."""
+    return {d.joint: d.actuator for d in drives if d.actuator}
+
+
 def _motion(model: mujoco.MjModel, drive: Drive) -> dict[str, str]:
     """{quantity: unit} of what a drive moves."""
     way = "rad" if is_hinge(model, model.joint(drive.joint).id) else "m"
@@ -84,7 +89,7 @@ def _motion(model: mujoco.MjModel, drive: Drive) -> dict[str, str]:
 
 def map_of(log: RawLog, spec: RecordingSpec, drives: Sequence[Drive]) -> Draft:
     """The map of a log whose commands are the controls of the model's actuators, whatever their numbers look like."""
-    drafted = draft_map(log, spec)
+    drafted = draft_map(log, spec, called(drives))
     units = {channel.name: channel.unit for channel in spec.channels}
     for drive in drives:
         if drive.scale != 1.0 or drive.offset != 0.0:
@@ -94,19 +99,18 @@ def map_of(log: RawLog, spec: RecordingSpec, drives: Sequence[Drive]) -> Draft:
     return drafted
 
 
-def say_no_command(
-    log: RawLog, actions: Sequence[tuple[str, str]], measured: list[str], notes: Notes
-) -> None:
-    """A note about a log in which no command was recognised: what it holds, and what to do."""
-    if not actions:
+def say_no_command(draft: Draft, missing: Sequence[str], measured: Sequence[str], notes: Notes) -> None:
+    """A note about a log in which these commands were not recognised: what else it holds, and what to do."""
+    if not missing:
         return
-    held = listed([" ".join(name.split()) for name in log.sources], most=12)
+    used = {str(source.keys.get("source")) for source in draft.sources.values()}
+    first = sorted(draft.log.sources, key=lambda name: name in used)  # what nothing took may be it
+    held = listed([" ".join(name.split()) for name in first], most=12)
     looks = f" One looks like a measured torque ({listed(measured)})." if measured else ""
-    first, _ = actions[0]
     notes.add(
-        f"no column of commands was recognised in the log (for {listed([name for name, _ in actions])}). It holds "
-        f"{held}.{looks} Rename that of the commands, such as {joint_of(first)}_cmd, and draft again with another "
-        f'--to, or write source = "COLUMN" under {first} in the map'
+        f"no column of commands was recognised in the log (for {listed(missing)}). It holds {held}."
+        f"{looks} Rename that of the commands, such as {joint_of(missing[0])}_cmd, and draft again with another --to, "
+        f'or write source = "COLUMN" under {missing[0]} in the map'
     )
 
 

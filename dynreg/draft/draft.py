@@ -12,7 +12,7 @@ from dynreg.data.names import joint_of
 from dynreg.data.series import RawLog
 from dynreg.draft.actuators import put_drives
 from dynreg.draft.base import with_base
-from dynreg.draft.commanded import as_told, commanded, map_of, say_no_command
+from dynreg.draft.commanded import as_told, called, commanded, map_of, say_no_command
 from dynreg.draft.contacts import without_self_contacts
 from dynreg.draft.doubted import Doubted
 from dynreg.draft.driven import check_gains, drives_of, say_limits
@@ -131,12 +131,12 @@ def _heard(
     told, said = heard(drafted), dict(actions)
     efforts = [(f"{d.joint}/{EFFORT}", effort_unit(model, d)) for d in drives]
     beside = spec_of(model, [(name, unit) for name, unit in efforts if name not in said], ())
-    measured = heard(draft_map(log, beside)).series
-    every = Heard({**told.series, **measured})
+    measured = heard(draft_map(log, beside, called(drives))).series
+    every = replace(told, series={**told.series, **measured})
     require_clocks(every, log)
-    if not said.keys() & told.series.keys():
-        say_no_command(log, actions, [*measured], notes)
-    elif measured:
+    missing = [name for name in said if name not in told.series]
+    say_no_command(drafted, missing, [*measured], notes)
+    if measured and len(missing) < len(said):
         joints = f"{len(measured)} {'joint' if len(measured) == 1 else 'joints'}"
         notes.add(f"the log measures the torque of {joints}: used to tell gains and limits, not as evidence")
     return every

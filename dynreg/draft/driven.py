@@ -171,7 +171,9 @@ def _stated(model: mujoco.MjModel, joint: int, drive: Drive, options: DraftOptio
     if kind == "torque":
         gain = drive.gain if drive.kind == kind else 1.0
         most = (limit or TWICE * (load + QUICK * inertia)) / abs(gain)
-        kept = drive if drive.kind == kind else Drive(drive.joint, kind, said=drive.said)
+        kept = drive
+        if drive.kind != kind:
+            kept = Drive(drive.joint, kind, actuator=drive.actuator, said=drive.said)
         return replace(kept, limit=limit, low=-most, high=most, usual=True)
     is_guess = (kp if kind == "position" else kd) is None
     kp = max(inertia * NATURAL**2, load / SAG) if kp is None else kp
@@ -181,6 +183,7 @@ def _stated(model: mujoco.MjModel, joint: int, drive: Drive, options: DraftOptio
         kind,
         rate_gain=kd,
         limit=limit,
+        actuator=drive.actuator,
         said="guessed from inertia and weight" if is_guess else STATED,
         guessed=is_guess,
     )

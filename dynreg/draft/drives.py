@@ -28,8 +28,8 @@ class Drive:
     nothing limits it: a joint's stops do not. usual : whether these are a guess at what is usual, no limits. lag : time
     constant [s] of the actuator's own filter. scale, offset : the command is scale * (what a log holds) + offset; those
     of the actuator's control where nothing tells otherwise.
-    said : where the numbers come from. guessed : whether its gains are guesses. measured : the gains that a log's
-    torques follow, and "torque_limit" where they stop at it.
+    actuator : the name of the model's own; "" where it has none. said : where the numbers come from. guessed : whether
+    its gains are guesses. measured : the gains that a log's torques follow, and "torque_limit" where they stop at it.
     """
 
     joint: str
@@ -45,6 +45,7 @@ class Drive:
     lag: float = 0.0
     scale: float = 1.0
     offset: float = 0.0
+    actuator: str = ""
     said: str = OF_MODEL
     guessed: bool = False
     measured: frozenset[str] = frozenset()
@@ -80,7 +81,13 @@ def understood(model: mujoco.MjModel, a: int, joint: int) -> Drive | None:
         return None
     bias = model.actuator_biasprm[a] if model.actuator_biastype[a] == _AFFINE else np.zeros(3)
     lag = float(model.actuator_dynprm[a, 0]) if model.actuator_dyntype[a] in _FILTERS else 0.0
-    drive = Drive(name_of(model, joint), "torque", limit=_limit(model, a, joint), lag=lag)
+    drive = Drive(
+        name_of(model, joint),
+        "torque",
+        limit=_limit(model, a, joint),
+        lag=lag,
+        actuator=model.actuator(a).name,
+    )
     low, high = _control_range(model, a)
     if model.actuator_gaintype[a] == _DCMOTOR:
         resistance, kt = float(gain[0]), abs(gear) * float(gain[1])

@@ -36,9 +36,13 @@ RARE = 5.0  # Hz: commands that come less often are held, and the robot's rate i
 
 @dataclass(frozen=True)
 class Heard:
-    """What a log tells. series : of the channels and actions that it holds, in their units, of its longest episode."""
+    """What a log tells. series : of the channels and actions that it holds, in their units, of its longest episode.
+
+    clock : how often the rows of a table come [Hz], whatever its columns are; None where that is not known.
+    """
 
     series: Mapping[str, Series]
+    clock: float | None = None
 
     def first(self, name: str) -> float | None:
         """The first value of a channel; None where the log lacks it."""
@@ -53,12 +57,13 @@ class Heard:
     def rate(self, actions: Sequence[str]) -> float | None:
         """How often commands come [Hz], by their stamps, at most `FASTEST`; None where no stamps tell.
 
-        How often measurements come, where these are more frequent than commands that are `RARE` or missing.
+        How often measurements come, where these are more frequent than commands that are `RARE` or missing; how often
+        rows come, where neither is known.
         """
         told = _often([s for name, s in self.series.items() if name in actions])
         if told is None or told < RARE:
             measured = _often([s for name, s in self.series.items() if name not in actions])
-            told = max((rate for rate in (told, measured) if rate is not None), default=None)
+            told = max((rate for rate in (told, measured) if rate is not None), default=self.clock)
         if told is None:
             return None
         rate = told / max(1.0, np.ceil(told / FASTEST - 1e-3))
@@ -96,6 +101,14 @@ def _often(signals: Sequence[Series]) -> float | None:
     return 1.0 / float(np.median(steps)) if steps else None
 
 
+def _clock_of(log: RawLog) -> float | None:
+    """How often the rows of a table come [Hz]; None for messages, and for a clock that seems not to count seconds."""
+    if "time_column" not in log.metadata:
+        return None
+    column = next((s for s in log.sources.values() if len(s) > 2 and likely_unit(s.time) is None), None)
+    return None if column is None else _often([column])
+
+
 def spec_of(model: mujoco.MjModel, channels: Sequence[Named], actions: Sequence[Named]) -> RecordingSpec:
     """What a recording of the model with these channels and actions holds, where its log has it."""
     every = [
@@ -107,11 +120,12 @@ def spec_of(model: mujoco.MjModel, channels: Sequence[Named], actions: Sequence[
 
 def heard(draft: Draft) -> Heard:
     """What a log tells of the channels and actions of its drafted map."""
+    clock = _clock_of(draft.log)
     if not draft.sources:
-        return Heard({})
+        return Heard({}, clock)
     episodes = raw_episodes(draft.log, draft.log_map, draft.spec)
     longest = max(episodes, key=lambda e: max((len(s) for s in e.channels.values()), default=0))
-    return Heard({name: s for name, s in longest.channels.items() if np.isfinite(s.values).any()})
+    return Heard({name: s for name, s in longest.channels.items() if np.isfinite(s.values).any()}, clock)
 
 
 def require_clocks(told: Heard, log: RawLog) -> None:

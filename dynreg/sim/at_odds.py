@@ -121,7 +121,8 @@ def _bound_unseen(robot: Robot) -> Iterator[Said]:
         yield (
             ("robot", "model"),
             f"equality constraints bind joints, and no channel tells {', '.join(free)}: an episode begins with these "
-            "in the reset pose, and the constraint pulls at all of them; log them and add channels",
+            "in the reset pose, and the constraint pulls at all of them; log them and add channels. The log may hold "
+            'them under other names: see what its map lists as "Not used"',
         )
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
-from dynreg.errors import DynregError, RobotError, UsageError
+from dynreg.errors import DynregError, MapError, RobotError, UsageError
 from dynreg.folder import TOML, Folder
 from dynreg.results.robots import RobotCheck, RobotLine, RobotList
 from dynreg.sim.finding import Finding, in_one_order
@@ -23,11 +23,13 @@ def robot_list() -> RobotList:
 def robot_check(folder: str) -> RobotCheck:
     """The errors and warnings of a robot folder or a packaged robot.
 
-    Where nothing else is wrong with it, its gait, motions and tasks are made as a search would make them.
+    Where nothing else is wrong with it, its gait, motions and tasks are made as a search would make them, and its maps
+    are held against its channels.
     """
     found = inspect_robot(folder)
     if not any(one.severity == "error" for one in found):
-        found = in_one_order([*found, *_gait_findings(load_robot(folder))])
+        robot = load_robot(folder)
+        found = in_one_order([*found, *_gait_findings(robot), *_map_findings(robot)])
     told = {kind: tuple(str(one) for one in found if one.severity == kind) for kind in ("error", "warning")}
     return RobotCheck(robot=folder, sound=not told["error"], problems=told["error"], warnings=told["warning"])
 
@@ -77,6 +79,17 @@ def _gait_findings(robot: Robot) -> Iterator[Finding]:
             make()
         except DynregError as problem:
             yield Finding("error", str(problem), line_of(text, location))
+
+
+def _map_findings(robot: Robot) -> Iterator[Finding]:
+    """What keeps `dynreg ingest` from reading a log with one of the robot's own maps."""
+    from dynreg.data.maps import check_map, read_own_map
+
+    for path in sorted((robot.folder / "maps").glob("*.toml")):
+        try:
+            check_map(read_own_map(path), robot.recording_spec)
+        except MapError as problem:
+            yield Finding("warning", f"maps/{path.name}: {problem}")
 
 
 def _line(name: str) -> RobotLine:

@@ -88,7 +88,7 @@ def read_log(
 
 
 def _read(paths: list[Path], robot: "Robot", log_map: "str | Path | LogMap | None") -> "Recording":
-    from dynreg.data.ingest import read_recording
+    from dynreg.data.ingest import holds_sources, read_recording
     from dynreg.data.maps import LogMap, read_map, read_own_map
 
     spec = robot.recording_spec
@@ -100,12 +100,22 @@ def _read(paths: list[Path], robot: "Robot", log_map: "str | Path | LogMap | Non
         told = unmapped
         for path in sorted((robot.folder / "maps").glob("*.toml")):
             try:
-                return read_recording(paths, spec, read_own_map(path))
+                own = read_own_map(path)
+            except MapError:
+                continue  # `robots check` tells what is wrong with it
+            try:
+                return read_recording(paths, spec, own)
             except CheckError as problem:  # it is its map: what a check says is what is wrong
                 if not isinstance(told, CheckError):
                     by = f"{problem.problem} (read by the robot's map {path.name})"
                     told = CheckError(by, expected=problem.expected, do=problem.do)
-            except (LogError, MapError):
+            except (
+                MapError
+            ) as problem:  # it is its map where the log holds what it names, else that of another log
+                if told is unmapped and not isinstance(told, CheckError) and holds_sources(paths, spec, own):
+                    by = f"{problem.problem} (the robot's map {path})"
+                    told = MapError(by, expected=problem.expected, do=problem.do)
+            except LogError:
                 continue  # it is the map of another log
         raise told from None
 

@@ -39,12 +39,12 @@ def write_table(tmp_path: Path) -> Callable[..., Path]:
 
 @pytest.fixture
 def swing() -> dict[str, np.ndarray]:
-    """Columns of a servo that swings for 4 s at 200 Hz, with its true rate."""
+    """Columns of a servo that swings for 4 s at 200 Hz, with its true rate, and hears 100 targets a second."""
     t = np.arange(801) / 200
     return {
         "time": t,
         "arm__position": np.sin(3 * t),
         "arm__velocity": 3 * np.cos(3 * t),
-        "arm__target": np.sin(3 * t + 0.2),
+        "arm__target": np.sin(3 * (np.arange(801) // 2) / 100 + 0.2),
         "kp": np.full(len(t), 400.0),
     }

@@ -335,3 +335,35 @@ def test_velocities_of_a_base_in_the_frame_of_the_world_are_told(
     assert [("base/vx and base/vy" in f.where, "the world's frame" in f.message) for f in found] == [
         (True, True)
     ] * told
+
+
+def commanded_at(seconds: np.ndarray, every: int = 1) -> Columns:
+    """Columns of a servo with a target for each `every`th stamp, which the rows between repeat."""
+    told = np.sin(2 * np.pi * 0.3 * seconds[np.arange(len(seconds)) // every * every])
+    return {"time": seconds, "arm__position": np.sin(2 * seconds), "arm__target": told}
+
+
+@pytest.mark.parametrize(
+    ("control", "rows", "every", "told"),
+    [(50.0, 100, 1, "100 Hz, control_rate is 50 Hz: 50 %"), (100.0, 500, 1, "500 Hz"), (50.0, 500, 10, "")],
+)
+def test_commands_that_control_would_drop_are_told(
+    control: float, rows: int, every: int, told: str, write_table: Callable, servo_spec: RecordingSpec
+):
+    channels = tuple(c for c in servo_spec.channels if c.name in ("arm/position", "arm/target"))
+    spec = replace(servo_spec, channels=channels, settings=(), rate=control)
+    found = [f for f in doctor(write_table(**commanded_at(np.arange(6 * rows) / rows, every)), spec)]
+    said = [f.message for f in found if "commands come at" in f.message]
+    assert len(said) == (1 if told else 0) and told in "".join(said)
+
+
+def test_commands_with_scattered_stamps_are_not_said_to_be_dropped(
+    write_table: Callable, servo_spec: RecordingSpec
+):
+    """They come in pairs, a bus's way, or at any time within their step: 100 a second on the whole."""
+    channels = tuple(c for c in servo_spec.channels if c.name in ("arm/position", "arm/target"))
+    spec = replace(servo_spec, channels=channels, settings=())
+    even, rng = np.arange(600) / 100, np.random.default_rng(0)
+    for seconds in (even - np.arange(600) % 2 * 0.009, even + rng.uniform(0, 0.009, 600)):
+        found = doctor(write_table(**commanded_at(seconds)), spec)
+        assert not any("commands come at" in f.message for f in found)

@@ -191,3 +191,33 @@ def test_a_channel_that_does_not_leave_its_noise_has_no_weight(moves: float, sti
     assert found.still is still
     (table,) = channel_tables([("base/roll", "rad", 1.0)], {"base/roll": found})
     assert table.values.get("weight", 1.0) == (0.0 if still else 1.0)
+
+
+def test_the_rate_of_a_table_is_known_where_none_of_its_columns_is(tmp_path):
+    text = strangers.ARM.format(actuators=strangers.POSITION)
+    (tmp_path / "arm.xml").write_text(text)
+    names = {"first": "q0", "second": "q1", "third": "u0", "fourth": "u1"}
+    log = logged(tmp_path, text, names, lambda t: (0.4 * np.sin(2 * t), 0.3 * np.sin(3 * t)))
+    made = strangers.draft(tmp_path / "arm.xml", "arm", log=read_log(log))
+    assert "shoulder/target" in made.missing
+    assert made.robot.rate == RATE and b"control_rate: of the log's stamps" in made.files["robot.toml"]
+    table = pd.read_csv(log)
+    table.rename(columns={"t_s": "time"}).assign(time=1e3 * table["t_s"]).to_csv(log, index=False)
+    told = strangers.draft(
+        tmp_path / "arm.xml", "arm", log=read_log(log)
+    )  # in ms, which its name does not say
+    assert told.robot.rate == 50.0 and b"control_rate: a guess" in told.files["robot.toml"]
+
+
+def test_a_column_may_be_called_as_the_actuator_is_and_a_command_that_is_missing_is_told(tmp_path):
+    text = strangers.ARM.format(
+        actuators=strangers.POSITION.replace("<position ", '<position name="lift" ', 1)
+    )
+    (tmp_path / "arm.xml").write_text(text)
+    names = {"pos_shoulder": "q0", "pos_elbow": "q1", "lift.cmd": "u0", "other": "u1"}
+    log = logged(tmp_path, text, names, lambda t: (0.4 * np.sin(2 * t), 0.3 * np.sin(3 * t)))
+    made = strangers.draft(tmp_path / "arm.xml", "arm", log=read_log(log))
+    assert made.missing == ("elbow/target",)
+    assert 'source = "lift.cmd"' in made.files[made.map].decode()
+    (said,) = [line for line in made.notes if "no column of commands was recognised" in line]
+    assert "(for elbow/target). It holds other, " in said

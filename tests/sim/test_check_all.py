@@ -413,6 +413,7 @@ sets = ["port.drive.gain_factor *="]
 
     (bound,) = [message for message in told() if "equality constraints bind joints" in message]
     assert "no channel tells finger:" in bound and "spare" not in bound
+    assert 'under other names: see what its map lists as "Not used"' in bound
     assert not any("equality" in message for message in told(active="false"))
     high = [
         message

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import dynreg
-from dynreg.errors import UsageError
+from dynreg.errors import MapError, UsageError
 from dynreg.report.stored import channel_words
+from dynreg.verbs.robots import robot_check, robot_copy
 
 
 def test_many_channels_are_told_as_groups_and_a_few_by_name():
@@ -42,3 +43,28 @@ def test_a_word_that_means_a_simulator_names_no_recording_and_further_names_are_
             session.ingest(tmp_path / "drive.csv", "husky", name=name)
         assert session.show("monday").detail["also_called"] == ["first"]
         assert session.show("first").detail["also_called"] == ["monday"]
+
+
+def test_what_a_map_of_the_robot_lacks_is_what_is_wrong(tmp_path: Path):
+    """Not that the log has no columns of the channels' names: the map, whose columns it has, says where these are."""
+    folder = tmp_path / "arm"
+    robot_copy("two_joint_arm", folder)
+    whats = {"position": "pos", "velocity": "vel", "target": "cmd"}
+    named = {f"{j}/{what}": f"{j}.{word}" for j in ("shoulder", "elbow") for what, word in whats.items()}
+    lacks = named.pop("elbow/target")
+    log, rows = tmp_path / "run.csv", [f"{k / 100},{','.join(['0.1'] * 6)}" for k in range(60)]
+    log.write_text("\n".join([f"time,{','.join([*named.values(), lacks])}", *rows]) + "\n")
+    (folder / "maps").mkdir()
+    text = "".join(f'[channels."{name}"]\nsource = "{column}"\n' for name, column in named.items())
+    (folder / "maps" / "log.toml").write_text(text)
+    (folder / "maps" / "other.toml").write_text(text.replace('source = "', 'source = "other_'))
+    (told, _) = robot_check(str(folder)).warnings
+    assert told.startswith("maps/log.toml: the map gives no source for channel 'elbow/target'")
+    with dynreg.open(tmp_path / "registry") as session:
+        with pytest.raises(
+            MapError, match=r"gives no source for channel 'elbow/target' \(the robot's map .*log.toml\)"
+        ):
+            session.ingest(log, folder)
+        log.write_text(log.read_text().replace("shoulder.pos", "unlike"))
+        with pytest.raises(MapError, match="the log has no column 'shoulder/position'"):
+            session.ingest(log, folder)

@@ -1,7 +1,9 @@
 """A map drafted from what a log holds: the sources that look like a robot's channels, to be read and corrected."""
 
+from collections.abc import Mapping
+
 from dynreg.data.drafting.bases import of_base
-from dynreg.data.drafting.joints import by_index, by_words, joints_of, of_joint, owned
+from dynreg.data.drafting.joints import by_index, by_words, called, joints_of, of_joint, owned
 from dynreg.data.drafting.offers import Offer, offers_of
 from dynreg.data.drafting.proposed import proposed
 from dynreg.data.drafting.source import Source
@@ -14,35 +16,43 @@ from dynreg.data.series import RawLog
 __all__ = ["Draft", "as_logged", "draft_map"]
 
 
-def draft_map(log: RawLog, spec: RecordingSpec | None = None) -> Draft:
+def draft_map(log: RawLog, spec: RecordingSpec | None = None, also: Mapping[str, str] | None = None) -> Draft:
     """A map from what a log holds to a robot's channels; without a robot, to channels that it proposes.
 
     Joints are found by name, commands in arrays by their order, angles of a base in quaternions. A velocity that the
     log does not hold is the derivative of its position. `read_recording` takes the text as it is where nothing is
     missing.
+
+    also : {joint: another name of it}, such as its actuator's, by which a log may call what nothing else is found for.
     """
     offers = offers_of(log)
     known = spec or proposed(offers)
-    return Draft(log, known, _sources(offers, known))
+    return Draft(log, known, _sources(offers, known, also or {}))
 
 
 def as_logged(log: RawLog) -> Draft:
     """The map to all that a log says of joints and bases, measured efforts too; nothing is derived."""
     offers = offers_of(log)
     known = proposed(offers, efforts=True)
-    sources = {name: source for name, source in _sources(offers, known).items() if "source" in source.keys}
+    sources = {
+        name: source for name, source in _sources(offers, known, {}).items() if "source" in source.keys
+    }
     return Draft(log, known, sources)
 
 
-def _sources(offers: tuple[Offer, ...], spec: RecordingSpec) -> dict[str, Source]:
+def _sources(offers: tuple[Offer, ...], spec: RecordingSpec, also: Mapping[str, str]) -> dict[str, Source]:
     """{channel: Source} of those that are found."""
     mine, out = owned(offers, joints_of(spec)), {}
+    others = called(offers, mine, also)
     for channel in spec.channels:
         source = (
             of_base(offers, channel)
             or of_joint(mine, channel)
             or by_index(offers, channel, spec)
             or by_words(offers, channel)
+            or of_joint(
+                others, channel, f"by the name {also.get(joint_of(channel.name))!r}, the actuator's; check it"
+            )
         )
         if source is not None:
             out[channel.name] = source

@@ -20,6 +20,28 @@ def joints_of(spec: RecordingSpec) -> tuple[str, ...]:
 
 def owned(offers: Sequence[Offer], joints: Sequence[str]) -> Owned:
     """{joint: offers that name it, and the words beside its name}; the longest joint that fits has the offer."""
+    out = named_by(offers, joints)
+    if len(joints) == 1 and not out[joints[0]]:  # one joint need not be named
+        out[joints[0]] = [(offer, offer.words) for offer in offers]
+    return out
+
+
+def called(offers: Sequence[Offer], mine: Owned, names: Mapping[str, str]) -> Owned:
+    """{joint: offers that give it another of its `names`, and the words beside it}, of those that no joint has.
+
+    A name of which nothing is left but a number, such as "motor_1", tells no joint: others count too.
+    """
+    taken = {offer.source for each in mine.values() for offer, _ in each}
+    telling = {joint: name for joint, name in names.items() if not all(word.isdigit() for word in core(name))}
+    free = [offer for offer in offers if offer.source not in taken]
+    found = named_by(free, [*dict.fromkeys(telling.values())])
+    return {joint: found[name] for joint, name in telling.items()}
+
+
+def named_by(
+    offers: Sequence[Offer], joints: Sequence[str]
+) -> dict[str, list[tuple[Offer, tuple[str, ...]]]]:
+    """{joint: offers with its name in theirs, and the words beside it}; the longest name that fits has the offer."""
     out: dict[str, list[tuple[Offer, tuple[str, ...]]]] = {joint: [] for joint in joints}
     left = []
     for offer in offers:
@@ -36,8 +58,6 @@ def owned(offers: Sequence[Offer], joints: Sequence[str]) -> Owned:
         fits = [j for j in joints if without(core(j), core(offer.item)) is not None]
         if len(fits) == 1 and not any(o.group == offer.group for o, _ in out[fits[0]]):
             out[fits[0]].append((offer, words(offer.path)))
-    if len(joints) == 1 and not out[joints[0]]:  # one joint need not be named
-        out[joints[0]] = [(offer, offer.words) for offer in offers]
     return out
 
 
@@ -56,8 +76,8 @@ def _named(offer: Offer, joint: str) -> tuple[str, ...] | None:
     return rest
 
 
-def of_joint(owned: Owned, channel: ChannelSpec) -> Source | None:
-    """The signal that names the channel's joint and measures, or commands, the same."""
+def of_joint(owned: Owned, channel: ChannelSpec, *notes: str) -> Source | None:
+    """The signal that names the channel's joint and measures, or commands, the same; with notes on it."""
     joint, what = parts_of(channel.name)
     wanted = quantity(words(what)) if channel.kind != "action" else None
     wanted = wanted or KINDS.get(channel.unit)
@@ -75,7 +95,7 @@ def of_joint(owned: Owned, channel: ChannelSpec) -> Source | None:
         rated.append((cost, offer))
     if channel.kind == "enable":
         rated = [(c, o) for c, o in rated if quantity(o.words, o.topic) == "enable"]
-    return best(rated, channel)
+    return best(rated, channel, *notes)
 
 
 def by_index(offers: Sequence[Offer], channel: ChannelSpec, spec: RecordingSpec) -> Source | None:

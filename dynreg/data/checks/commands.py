@@ -1,0 +1,41 @@
+"""Commands that change more often than the robot's control rate has rows for."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from dynreg.data.episodes import RawEpisode
+from dynreg.data.schema import RecordingSpec
+from dynreg.data.series import Finding, Series
+
+HALF = 0.51  # share of the commands that control must keep, and a little more, for stamps are not exact
+TOGETHER = 10  # changes over which their rate is taken: stamps that come in bunches tell no rate one by one
+
+
+def check_commands(episode: RawEpisode, spec: RecordingSpec, where: str) -> Iterator[Finding]:
+    """Commands of which control at the robot's rate drops half or more. Those that a log repeats from row to row count
+    once: nothing is lost where it is sampled faster than they change.
+    """
+    if spec.rate is None:
+        return
+    actions = {c.name for c in spec.channels if c.kind == "action"}
+    rates = {name: _changes(series) for name, series in episode.channels.items() if name in actions}
+    name = max(rates, key=lambda n: rates[n], default="")
+    if not name or HALF * rates[name] <= spec.rate:
+        return
+    rate = float(f"{rates[name]:.3g}")
+    text = (
+        f"commands come at {rate:g} Hz, control_rate is {spec.rate:g} Hz: {100 * (1 - spec.rate / rate):.0f} % of them "
+        f"are dropped; set control_rate = {rate:g} in robot.toml, unless so many are meant to be left out"
+    )
+    yield Finding("warning", "rate", f"{where}, {name}", text)
+
+
+def _changes(commands: Series) -> float:
+    """How often commands change while they do [Hz]; 0 where they change too seldom to tell."""
+    known = commands.rows(np.isfinite(commands.values) & np.isfinite(commands.time))
+    at = known.time[1:][np.diff(known.values) != 0]
+    if len(at) <= 2 * TOGETHER:
+        return 0.0
+    step = float(np.median(at[TOGETHER:] - at[:-TOGETHER])) / TOGETHER
+    return 1.0 / step if step > 0 else 0.0
