@@ -58,6 +58,19 @@ def test_a_clock_whose_unit_stands_in_brackets_needs_no_map(name: str, second: f
     np.testing.assert_allclose(log.sources["q"].time, np.arange(50.0))
 
 
+@pytest.mark.parametrize(
+    ("name", "second"),
+    [("__time", 1.0), ("_time", 1.0), ("TIME", 1.0), ("Header.Stamp", 1.0), ("Time_ms", 1e3), ("%time", 1e9)],
+)
+def test_a_clock_as_other_tools_name_it_needs_no_map(name: str, second: float, tmp_path: Path):
+    start = 1_718_900_000
+    rows = [f"{q},{(start + t) * second:.0f},20" for t, q in zip(range(50), Q.tolist(), strict=True)]
+    (tmp_path / "x.csv").write_text("\n".join([f"q,{name},T", *rows]))
+    log = read_log(tmp_path / "x.csv")
+    assert set(log.sources) == {"q", "T"} and log.metadata["start"] == pytest.approx(start)
+    np.testing.assert_allclose(log.sources["q"].time, np.arange(50.0))
+
+
 def test_parquet_lists_flags_and_units(tmp_path: Path):
     fields = [
         pa.field("time", pa.float64()),

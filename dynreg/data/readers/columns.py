@@ -15,12 +15,17 @@ from dynreg.data.series import Finding, RawLog, Series
 from dynreg.errors import LogError, one_of
 from dynreg.limits import limits, refuse
 
-TIME_NAMES = ("time", "timestamp", "t", "t_s", "time_s", "stamp", "Time", "T", "timestamps", "times")
+# Of clocks, in small letters, the likeliest first. __time is PlotJuggler's, _time that of InfluxDB.
+TIME_NAMES = (
+    *("time", "timestamp", "t", "t_s", "time_s", "stamp", "timestamps", "times", "__time", "_time"),
+    *("header.stamp", "header/stamp", "header_stamp"),
+)
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-# Names that tell the unit; a map that names the column tells the unit itself.
-UNIT_NAMES = {
+# Names that tell the unit; a map that names the column tells the unit itself. The first is that of `rostopic echo -p`.
+UNIT_NAMES = {"%time": "ns"} | {
     f"{name}_{unit}": unit for unit in ("ms", "us", "ns") for name in ("time", "t", "timestamp", "stamp")
 }
+_USUAL = (*TIME_NAMES, *UNIT_NAMES)
 _BRACKETED = re.compile(r"(?i:time|t|timestamp|stamp)\s*[\[(](s|ms|us|ns)[\])]")
 
 
@@ -31,12 +36,12 @@ def stated_unit(name: str) -> str | None:
     ('ms', 's', None, None)
     """
     found = _BRACKETED.fullmatch(name)
-    return found[1] if found else UNIT_NAMES.get(name)
+    return found[1] if found else UNIT_NAMES.get(name.lower())
 
 
 def is_clock(name: str) -> bool:
-    """Whether a column's name is a usual one of a clock."""
-    return name in TIME_NAMES or stated_unit(name) is not None
+    """Whether a column's name is a usual one of a clock, in small letters or large ones."""
+    return name.lower() in _USUAL or stated_unit(name) is not None
 
 
 def from_columns(
@@ -85,9 +90,9 @@ def from_columns(
 
 
 def time_column(path: Path, columns: Collection[str], options: ReadOptions, names: Sequence[str] = ()) -> str:
-    """Name of the column that is the clock: the map's, else the first of the usual names."""
-    usual = (*TIME_NAMES, *UNIT_NAMES, *filter(is_clock, (*columns, *names)))
-    wanted = (options.time,) if options.time else usual
+    """Name of the column that is the clock: the map's, else the likeliest of the usual names."""
+    usual = sorted(filter(is_clock, dict.fromkeys((*columns, *names))), key=_place)
+    wanted = [options.time] if options.time else usual
     for name in wanted:
         if name in columns:
             return name
@@ -105,8 +110,15 @@ def time_column(path: Path, columns: Collection[str], options: ReadOptions, name
     raise LogError(
         told,
         expected=f"a column of the file, {one_of([*(names or columns)], options.time or '')}",
-        do='call it time, or time_ms, time_us or time_ns by its unit; a map names it by time = "..." under [map]',
+        do="rename it to time, or by its unit to time_ms, time_us or time_ns; where a map is asked for, "
+        'time = "..." under [map] names it too',
     )
+
+
+def _place(name: str) -> int:
+    """Where the name of a clock stands among the usual ones; a T comes last, for it may be a temperature."""
+    plain = name.lower()
+    return _USUAL.index(plain) if plain in _USUAL and name != "T" else len(_USUAL) + (name == "T")
 
 
 def spread(
