@@ -102,6 +102,13 @@ def say_no_command(
         return
     held = listed([" ".join(name.split()) for name in log.sources], most=12)
     looks = f" One looks like a measured torque ({listed(measured)})." if measured else ""
+    clock = log.metadata.get("time_column")
+    left = [name for name in log.names if name not in (*log.sources, *log.labels, clock)]
+    if left:
+        looks += (
+            f" {listed([' '.join(name.split()) for name in left], most=12)} could not be read as signals: "
+            "`dynreg doctor LOG` says why."
+        )
     first, _ = actions[0]
     notes.add(
         f"no column of commands was recognised in the log (for {listed([name for name, _ in actions])}). It holds "
