@@ -76,6 +76,13 @@ def _parts(log: RawLog, log_map: LogMap) -> Iterator[tuple[str | None, Select]]:
         return
     if column in log.labels:
         keys, marks = np.asarray(log.labels[column]), None
+        other = next((name for name, s in log.sources.items() if len(s) != len(keys)), None)
+        if other is not None:
+            raise MapError(
+                f"{log.path.name!r}: {column!r} has no text for the {len(log.sources[other])} rows of {other!r}",
+                expected="a column of numbers, which tell the episodes of signals on other clocks, too",
+                do="number the episodes, and name that column under [episodes]",
+            )
     elif column in log.sources:
         marks = log.sources[column]
         keys = marks.values

@@ -103,10 +103,15 @@ def say_no_command(draft: Draft, missing: Sequence[str], measured: Sequence[str]
     """A note about a log in which these commands were not recognised: what else it holds, and what to do."""
     if not missing:
         return
+    log = draft.log
     used = {str(source.keys.get("source")) for source in draft.sources.values()}
-    first = sorted(draft.log.sources, key=lambda name: name in used)  # what nothing took may be it
+    first = sorted(log.sources, key=lambda name: name in used)  # what nothing took may be it
     held = listed([" ".join(name.split()) for name in first], most=12)
     looks = f" One looks like a measured torque ({listed(measured)})." if measured else ""
+    left = [n for n in log.names if n not in (*log.sources, *log.labels, log.metadata.get("time_column"))]
+    if left:
+        names = listed([" ".join(name.split()) for name in left], most=12)
+        looks += f" {names} could not be read as signals: `dynreg doctor LOG` says why."
     notes.add(
         f"no column of commands was recognised in the log (for {listed(missing)}). It holds {held}."
         f"{looks} Rename that of the commands, such as {joint_of(missing[0])}_cmd, and draft again with another --to, "

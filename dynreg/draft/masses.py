@@ -10,6 +10,7 @@ from dynreg.draft.drives import Drive
 from dynreg.draft.entry import Entry, ranged, rounded
 from dynreg.draft.joints import groups, identifier
 from dynreg.rng import stream
+from dynreg.sim.held import tied
 from dynreg.sim.lint import FACTOR
 
 PAYLOAD = 4.0  # times the last link's mass, where its drives hold no more: a gripper beside a flange
@@ -92,7 +93,8 @@ def _moved(doubted: Doubted) -> dict[int, list[int]]:
 
 def _tip(model: mujoco.MjModel, drives: Sequence[Drive], moved: Mapping[int, list[int]]) -> list[int] | None:
     """The links behind an arm's last joint, or behind that on which its gripper hangs; None for several limbs."""
-    driven = [int(model.joint(d.joint).bodyid[0]) for d in drives]
+    joints = tied(model, {model.joint(d.joint).id for d in drives})
+    driven = [int(model.jnt_bodyid[j]) for j in sorted(joints)]
     ends = [b for b in driven if not any(other != b and other in _below(model, b) for other in driven)]
     holding = [b for b in driven if set(ends) <= _below(model, b)]
     if not holding:

@@ -1,6 +1,7 @@
 """Which joints of a model something else moves than their own motion: an actuator, a tendon, an equality constraint."""
 
 import mujoco
+import numpy as np
 
 SINGLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))  # of actuators on joints
@@ -24,3 +25,14 @@ def loose_joints(model: mujoco.MjModel) -> list[int]:
     """Numbers of the hinges and slides that nothing of the model moves but their own motion."""
     held = held_joints(model)
     return [j for j in scalar_joints(model) if j not in held]
+
+
+def tied(model: mujoco.MjModel, joints: set[int]) -> set[int]:
+    """Numbers of these joints, and of those that an equality ties to one of them, as a mimic finger to a driven one."""
+    pairs = np.stack([model.eq_obj1id, model.eq_obj2id], axis=1)[
+        model.eq_type == mujoco.mjtEq.mjEQ_JOINT
+    ].tolist()
+    out = set(joints)
+    for _ in pairs:  # no chain is longer than all of them
+        out.update(j for pair in pairs if not out.isdisjoint(pair) for j in pair if j >= 0)
+    return out

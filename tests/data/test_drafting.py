@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from ros_log import JOINTS, truth, write_robot
+from scipy.spatial.transform import Rotation
 
 from dynreg.data.drafting import draft_map
 from dynreg.data.ingest import read_recording
@@ -203,3 +204,44 @@ def test_a_clock_that_tells_its_unit_is_read_in_it(tmp_path: Path):
     spec = spec_of(("arm/position", "rad", "state"))
     recording = read_recording(tmp_path / "log.csv", spec, parse_map(draft_map(log, spec).text))
     assert recording.episodes[0].duration == pytest.approx(0.49)
+
+
+STARTS = {  # (roll, pitch, yaw) at the start: what the comment says
+    (0.05, -0.1, 0.0): "{} of the four",
+    (0.0, 0.05, 1.5): "{} of the four",
+    (0.1, 0.0, -2.0): "{} of the four",
+    (np.pi / 2, np.pi / 2, 0.0): "may be the first or the last",
+}
+
+
+@pytest.mark.parametrize("place", ["first", "last"])
+@pytest.mark.parametrize("start", STARTS)
+def test_an_imu_in_lists_is_that_of_the_base(start: tuple, place: str, tmp_path: Path):
+    """Whether w is first or last is told by how the robot stands; before that, the driver sent zeros."""
+    turn = Rotation.from_euler(
+        "ZYX", [start[::-1]] * 3 + [(a + 0.1, 0.1, 0.2) for a in np.linspace(0, 1, 30)]
+    )
+    quaternion = turn.as_quat(scalar_first=place == "first")
+    quaternion[0] = 0.0
+    columns = {f"imu_quat[{i}]": part for i, part in enumerate(quaternion.T)}
+    columns |= {f"imu_gyro[{i}]": np.full(33, float(i)) for i in range(3)}
+    channels = [
+        (f"base/{what}", unit, "state", True) for what, unit in BASE if what[0] in "rpyw" and what != "y"
+    ]
+    log = table(tmp_path, **columns)
+    draft = draft_map(log, spec_of(*channels))
+    assert draft.missing == () and len(draft.sources) == 6
+    assert STARTS[start].format(place) in draft.text
+    wanted = (3, 0, 1, 2) if place == "last" and "{}" in STARTS[start] else range(4)
+    for angle in ("roll", "pitch", "yaw"):
+        assert draft.sources[f"base/{angle}"].keys["source"] == [f"imu_quat[{i}]" for i in wanted]
+    assert draft.sources["base/wy"].keys["source"] == "imu_gyro[1]"
+    assert parse_map(draft.text).channels["base/pitch"].angle == "pitch"
+
+
+def test_a_list_of_four_is_no_quaternion_by_its_length(tmp_path: Path):
+    """Nor is one of five by its name, nor one that was asked for."""
+    names = [f"wheel_force[{i}]" for i in range(4)] + [f"quat_sums[{i}]" for i in range(5)]
+    names += [f"cmd_orientation[{i}]" for i in range(4)]
+    draft = draft_map(table(tmp_path, **{name: np.arange(5) for name in names}))
+    assert not any("source" in s.keys and s.keys.get("angle") for s in draft.sources.values())

@@ -12,9 +12,10 @@ from scipy.io import loadmat, savemat
 
 from dynreg.data.drafting import draft_map
 from dynreg.data.ingest import read_recording
+from dynreg.data.maps import EpisodeMap
 from dynreg.data.readers import ReadOptions, read_log
 from dynreg.data.schema import ChannelSpec, RecordingSpec
-from dynreg.errors import LogError
+from dynreg.errors import LogError, MapError
 
 T = np.arange(50) * 0.01
 Q = np.sin(T)
@@ -55,6 +56,19 @@ def test_a_clock_whose_unit_stands_in_brackets_needs_no_map(name: str, second: f
     (tmp_path / "x.csv").write_text("\n".join([f"{name},q", *rows]))
     log = read_log(tmp_path / "x.csv")
     assert list(log.sources) == ["q"]
+    np.testing.assert_allclose(log.sources["q"].time, np.arange(50.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "second"),
+    [("__time", 1.0), ("_time", 1.0), ("TIME", 1.0), ("Header.Stamp", 1.0), ("Time_ms", 1e3), ("%time", 1e9)],
+)
+def test_a_clock_as_other_tools_name_it_needs_no_map(name: str, second: float, tmp_path: Path):
+    start = 1_718_900_000
+    rows = [f"{q},{(start + t) * second:.0f},20" for t, q in zip(range(50), Q.tolist(), strict=True)]
+    (tmp_path / "x.csv").write_text("\n".join([f"q,{name},T", *rows]))
+    log = read_log(tmp_path / "x.csv")
+    assert set(log.sources) == {"q", "T"} and log.metadata["start"] == pytest.approx(start)
     np.testing.assert_allclose(log.sources["q"].time, np.arange(50.0))
 
 
@@ -249,6 +263,70 @@ def test_a_map_drafted_from_an_npz_reads_it(tmp_path: Path):
     assert drafted.sources["knee/position"].keys["source"] == "pos[knee]"
     (episode,) = read_recording([tmp_path / "x.npz"], spec, drafted.log_map).episodes
     assert np.abs(episode.values[:, 0]).max() > 0
+
+
+SLOW = np.arange(80) * 0.006 - 0.1
+
+
+def write_arrays(path: Path, **arrays: np.ndarray) -> Path:
+    savemat(path, arrays) if path.suffix == ".mat" else np.savez(path, **arrays)
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".mat"])
+@pytest.mark.parametrize(
+    ("name", "second"), [("cmd_time", 1.0), ("t_cmd", 1.0), ("cmdTimestamps", 1.0), ("cmd_time_ms", 1e3)]
+)
+def test_arrays_on_a_clock_of_their_own(suffix: str, name: str, second: float, tmp_path: Path):
+    """Commands that begin before the states: both are told from the first stamp of the log."""
+    told = np.random.default_rng(0).normal(size=(80, 3))
+    clocks = {"time": T + 5.0, "stamps_imu": SLOW + 5.0, name: (SLOW + 5.0) * second}
+    path = write_arrays(tmp_path / f"x{suffix}", q=Q, cmd_pos=told, cmd_on=told.T[:2], **clocks)
+    log = read_log(path)
+    assert [(f.severity, f.where.split(", ")[1]) for f in log.findings] == [("info", "stamps_imu")]
+    assert set(log.sources) == {"q", "cmd_pos[0]", "cmd_pos[1]", "cmd_pos[2]", "cmd_on[0]", "cmd_on[1]"}
+    np.testing.assert_array_equal(log.sources["cmd_pos[2]"].values, told[:, 2])
+    np.testing.assert_allclose(log.sources["cmd_pos[2]"].time, SLOW + 0.1, atol=1e-9)
+    np.testing.assert_allclose(log.sources["q"].time, T + 0.1, atol=1e-9)
+    assert log.metadata["start"] == pytest.approx(4.9) and log.metadata["time_column"] == "time"
+    only = read_log(path, ReadOptions(sources=("cmd_pos[1]",)))
+    np.testing.assert_array_equal(only.sources["cmd_pos[1]"].time, log.sources["cmd_pos[1]"].time)
+
+
+def test_a_map_drafted_from_an_npz_of_two_clocks_reads_it(tmp_path: Path):
+    told = np.random.default_rng(0).normal(size=(80, 2)).cumsum(axis=0)
+    arrays = {"time": T, "pos": np.stack([Q, -Q], axis=1), "cmd_time": SLOW, "cmd_pos": told}
+    np.savez(tmp_path / "x.npz", **arrays, joint_names=np.array(["hip", "knee"]), trial=np.full(50, "a"))
+    channels = ChannelSpec("knee/position", "rad", "state"), ChannelSpec("knee/target", "rad", "action")
+    spec = RecordingSpec("leg", channels, (), 100.0)
+    drafted = draft_map(read_log(tmp_path / "x.npz"), spec)
+    assert drafted.sources["knee/target"].keys["source"] == "cmd_pos[knee]"
+    by_text = drafted.log_map.model_copy(update={"episodes": EpisodeMap(by="column", column="trial")})
+    with pytest.raises(MapError, match="no text for the 80 rows of 'cmd_pos"):
+        read_recording([tmp_path / "x.npz"], spec, by_text)
+    whole = drafted.log_map.model_copy(update={"episodes": EpisodeMap(by="file")})
+    (episode,) = read_recording([tmp_path / "x.npz"], spec, whole).episodes
+    last = told[np.searchsorted(SLOW, T + 1e-9, side="right") - 1, 1]  # the command that holds at each stamp
+    np.testing.assert_allclose(episode.values[:30, 1], last[:30])
+
+
+@pytest.mark.parametrize("clock", [None, SLOW + 100.0, SLOW[::-1]], ids=["none", "apart", "backwards"])
+@pytest.mark.parametrize("suffix", [".npz", ".mat"])
+def test_arrays_without_a_clock_are_left_out_with_their_shape_and_what_to_do(
+    suffix: str, clock, tmp_path: Path
+):
+    """Not so what is as short as a list of gains."""
+    arrays = {"time": T, "q": Q, "cmd_pos": np.zeros((80, 3)), "kp": np.ones(3)}
+    arrays |= {} if clock is None else {"cmd_time": clock}
+    log = read_log(write_arrays(tmp_path / f"x{suffix}", **arrays))
+    by_name = {f.where.split(", ")[1]: f for f in log.findings}
+    assert set(log.sources) == {"q"} and set(log.names) == {"q"} | set(by_name)
+    assert by_name["kp"].severity == "info" and by_name["cmd_pos"].severity == "warning"
+    assert "shape (80, 3) for 50 time stamps" in by_name["cmd_pos"].message
+    assert (
+        "resample it onto 'time', or store its clock beside it, such as cmd_pos_time"
+        in by_name["cmd_pos"].message
+    )
 
 
 def test_npz_of_objects_is_refused_in_one_line_and_damage_never_crashes(tmp_path: Path, monkeypatch):

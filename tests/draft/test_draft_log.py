@@ -172,6 +172,23 @@ def test_commands_that_change_seldom_do_not_slow_the_robot(tmp_path):
     assert made.robot.rate == 100.0
 
 
+@pytest.mark.parametrize("clock", ["cmd_time", "other"])
+def test_commands_on_a_clock_of_their_own_are_heard_or_said_to_be_left_out(tmp_path, clock):
+    (tmp_path / "arm.xml").write_text(strangers.ARM.format(actuators=strangers.POSITION))
+    fast, slow = np.arange(600) / 100.0, np.arange(150) / 25.0
+    position, told = (
+        np.stack([0.3 * np.sin(2 * (t - late))] * 2, axis=1) for t, late in ((fast, 0.1), (slow, 0))
+    )
+    np.savez(tmp_path / "run.npz", time=fast, joint_pos=position, cmd_joint_pos=told, **{clock: slow})
+    made = strangers.draft(tmp_path / "arm.xml", "arm", log=read_log(tmp_path / "run.npz"))
+    drafted = parse_map(made.files[made.map].decode())
+    missed = [" ".join(note.split()) for note in made.notes if "no column of commands" in note]
+    if clock == "cmd_time":
+        assert drafted.channels["elbow/target"].source == "cmd_joint_pos[1]" and missed == []
+    else:
+        assert "cmd_joint_pos, other could not be read as signals: `dynreg doctor LOG` says why" in missed[0]
+
+
 @pytest.mark.parametrize("noise, quantum", [(0.003, 0.0), (0.0, 0.005), (0.0, 0.0)])
 def test_noise_and_quantum_are_found_in_still_moments(noise, quantum):
     rng, time = np.random.default_rng(1), np.arange(2000) / 200

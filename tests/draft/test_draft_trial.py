@@ -92,6 +92,18 @@ def test_a_draft_says_what_its_parameters_set(tmp_path):
     assert by_name["hand_mass"].sets == ("modifier.mass[fore,finger,thumb] *=",)
 
 
+def test_a_finger_that_follows_the_driven_one_is_of_the_hand(tmp_path):
+    """A gripper of one drive, whose other finger an equality ties to it: what the arm may carry is not one finger's."""
+    finger = '<body name="{0}" pos="0.1 0 0"><joint name="{0}" type="slide"/><geom size="0.01" mass="0.05"/></body>'
+    two, geom = finger.format("finger") + finger.format("thumb"), WRIST.split("\n")[0]
+    drive = '<position joint="finger" kp="40" kv="1"/></actuator>'
+    ties = '<equality><joint joint1="thumb" joint2="finger"/></equality></mujoco>'
+    text = strangers.ARM.format(actuators=strangers.POSITION).replace(geom, geom + two)
+    text = text.replace("</actuator>", drive).replace("</mujoco>", ties)
+    by_name = {p.name: p for p in drafted(tmp_path, text).robot.space.parameters}
+    assert by_name["hand_mass"].sets == ("modifier.mass[fore,finger,thumb] *=",) and "tip_mass" not in by_name
+
+
 def test_a_frame_at_the_end_of_an_arm_carries_no_payload(tmp_path):
     """A last body of next to no mass, as some models have: a range to what the drives hold would begin at nothing."""
     text = wristed(1.0).replace('<geom type="sphere" size="0.004" mass="0.003"/>', TOOL)

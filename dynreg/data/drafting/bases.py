@@ -4,7 +4,9 @@ import json
 import re
 from collections.abc import Sequence
 
-from dynreg.data.attitude import ANGLES
+import numpy as np
+
+from dynreg.data.attitude import ANGLES, LEAST
 from dynreg.data.drafting.offers import Offer
 from dynreg.data.drafting.source import Source, best
 from dynreg.data.names import quantity_of
@@ -16,6 +18,10 @@ _BETTER = {  # topics by the words in them, the first the better
     "tilt": ("mocap", "vicon", "truth", "ground", "imu", "odom", "pose", "tf"),
     "rate": ("imu", "odom"),
 }
+_LISTED = re.compile(
+    r"(.*(?:quat|orientation)[^\[\]]*)\[0\]", re.IGNORECASE
+)  # the first item of a quaternion
+ALIKE = 0.1  # of a unit quaternion's parts, and of their squares: nearer to each other, they do not tell the order
 
 
 def of_base(offers: Sequence[Offer], channel: ChannelSpec) -> Source | None:
@@ -62,7 +68,7 @@ def _patterns(what: str, kind: str) -> tuple[str, tuple[str, ...]] | None:
         shapes = (
             rf"\.angular_velocity\.{axis}$",
             rf"\.twist\.angular\.{axis}$",
-            rf"\.gyro(scope)?(\[{index}\]|\.{axis})$",
+            rf"(^|[._/])gyro(scope)?(\[{index}\]|\.{axis})$",
             rf"^(base_)?(w|gyro_|ang_vel_){axis}$",
         )
         return "rate", shapes
@@ -84,22 +90,53 @@ def _angle(offers: Sequence[Offer], channel: ChannelSpec, what: str) -> Source |
     first, *others = sorted(found, key=lambda f: (not f[2], _place(f[0], order)))
     keys = {"source": first[1], "angle": what, **({"unwrap": True} if what == "yaw" else {})}
     note = f"also to be had from {', '.join(json.dumps(o[1]) for o in others[:3])}"
-    return Source(keys, (note,) if others else ())
+    return Source(keys, (*first[3], *([note] if others else [])))
 
 
-def _quaternions(offers: Sequence[Offer]) -> list[tuple[str, str | list[str], bool]]:
-    """Topic, source in a map, and whether it ever changes, of every quaternion."""
+def _quaternions(offers: Sequence[Offer]) -> list[tuple[str, str | list[str], bool, tuple[str, ...]]]:
+    """Where each quaternion is, its source in a map, whether it ever changes, and notes on it."""
     by_name = {o.source: o for o in offers}
-    out: list[tuple[str, str | list[str], bool]] = []
+    out: list[tuple[str, str | list[str], bool, tuple[str, ...]]] = []
     for name, offer in by_name.items():
-        stem = name.removesuffix("w")
-        parts = [by_name.get(stem + part) for part in "wxyz"]
-        if stem == name or None in parts or offer.command:
+        if offer.command:
             continue
-        moves = any(part.moves for part in parts)
-        dotted = stem.endswith(".")
-        out.append((offer.topic, stem[:-1] if dotted else [f"{stem}{p}" for p in "wxyz"], moves))
+        listed, stem, notes = _LISTED.fullmatch(name), name.removesuffix("w"), ()
+        if listed:
+            parts = [by_name.get(f"{listed[1]}[{i}]") for i in range(4)]
+        elif stem != name:
+            parts = [by_name.get(stem + part) for part in "wxyz"]
+        else:
+            continue
+        if None in parts or listed and f"{listed[1]}[4]" in by_name:
+            continue
+        if listed:
+            parts, *notes = _ordered(parts)
+        source = stem[:-1] if stem.endswith(".") else [part.source for part in parts]
+        out.append((offer.topic or offer.path, source, any(part.moves for part in parts), tuple(notes)))
     return out
+
+
+def _ordered(parts: Sequence[Offer]) -> tuple[list[Offer], str]:
+    """The four items of a list as w, x, y and z, and what a comment says of their order.
+
+    Of a robot that stands upright x and y are small, however it is turned; and w is the largest of the four unless it
+    is turned by more than a right angle.
+    """
+    rows = min(len(part.series) for part in parts)
+    values = np.stack([part.series.values[:rows] for part in parts])
+    length = np.linalg.norm(values, axis=0)
+    known = np.flatnonzero(np.isfinite(length) & (length > LEAST))
+    q = np.abs(values[:, known[0]] / length[known[0]]) if len(known) else np.zeros(4)
+    # by how much x and y would be larger with w last; then by how much the first item is larger than the last
+    tells = q[0] ** 2 - q[2] ** 2, q[0] - q[3]
+    told = next((told for told in tells if abs(told) > ALIKE), 0.0)
+    ordered, place = ([*parts[3:], *parts[:3]], "last") if told < 0 else ([*parts], "first")
+    if told:
+        return ordered, f"w is taken for the {place} of the four: so the robot stands upright at the start"
+    return (
+        ordered,
+        "w may be the first or the last of the four: the start does not tell, so first, as in MuJoCo",
+    )
 
 
 def _place(topic: str, order: str) -> int:

@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +13,24 @@ from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.numbers import doubles, seconds
 from dynreg.data.readers.signals import MAX_ITEMS
 from dynreg.data.series import Finding, RawLog, Series
+from dynreg.data.words import words
 from dynreg.errors import LogError, one_of
 from dynreg.limits import limits, refuse
 
-TIME_NAMES = ("time", "timestamp", "t", "t_s", "time_s", "stamp", "Time", "T", "timestamps", "times")
+# Of clocks, in small letters, the likeliest first. __time is PlotJuggler's, _time that of InfluxDB.
+TIME_NAMES = (
+    *("time", "timestamp", "t", "t_s", "time_s", "stamp", "timestamps", "times", "__time", "_time"),
+    *("header.stamp", "header/stamp", "header_stamp"),
+)
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-# Names that tell the unit; a map that names the column tells the unit itself.
-UNIT_NAMES = {
+# Names that tell the unit; a map that names the column tells the unit itself. The first is that of `rostopic echo -p`.
+UNIT_NAMES = {"%time": "ns"} | {
     f"{name}_{unit}": unit for unit in ("ms", "us", "ns") for name in ("time", "t", "timestamp", "stamp")
 }
+_USUAL = (*TIME_NAMES, *UNIT_NAMES)
+_CLOCKS = frozenset(
+    ("time", "times", "timestamp", "timestamps", "stamp", "stamps", "t")
+)  # words of other clocks
 _BRACKETED = re.compile(r"(?i:time|t|timestamp|stamp)\s*[\[(](s|ms|us|ns)[\])]")
 
 
@@ -31,12 +41,12 @@ def stated_unit(name: str) -> str | None:
     ('ms', 's', None, None)
     """
     found = _BRACKETED.fullmatch(name)
-    return found[1] if found else UNIT_NAMES.get(name)
+    return found[1] if found else UNIT_NAMES.get(name.lower())
 
 
 def is_clock(name: str) -> bool:
-    """Whether a column's name is a usual one of a clock."""
-    return name in TIME_NAMES or stated_unit(name) is not None
+    """Whether a column's name is a usual one of a clock, in small letters or large ones."""
+    return name.lower() in _USUAL or stated_unit(name) is not None
 
 
 def from_columns(
@@ -60,7 +70,7 @@ def from_columns(
     stamps = columns[name]
     if len(stamps) * len(columns) > limits().numbers:
         refuse(LogError, f"{path.name!r} asks for {len(stamps)} rows of columns", len(columns), "numbers")
-    unit = options.time_unit if options.time else stated_unit(name) or options.time_unit
+    unit = _unit(name, options)
     scale = TIME_UNITS[unit]
     time, start = seconds(stamps, scale) if len(stamps) else (np.empty(0), math.nan)
     if math.isnan(start):
@@ -85,9 +95,9 @@ def from_columns(
 
 
 def time_column(path: Path, columns: Collection[str], options: ReadOptions, names: Sequence[str] = ()) -> str:
-    """Name of the column that is the clock: the map's, else the first of the usual names."""
-    usual = (*TIME_NAMES, *UNIT_NAMES, *filter(is_clock, (*columns, *names)))
-    wanted = (options.time,) if options.time else usual
+    """Name of the column that is the clock: the map's, else the likeliest of the usual names."""
+    usual = sorted(filter(is_clock, dict.fromkeys((*columns, *names))), key=_place)
+    wanted = [options.time] if options.time else usual
     for name in wanted:
         if name in columns:
             return name
@@ -105,28 +115,125 @@ def time_column(path: Path, columns: Collection[str], options: ReadOptions, name
     raise LogError(
         told,
         expected=f"a column of the file, {one_of([*(names or columns)], options.time or '')}",
-        do='call it time, or time_ms, time_us or time_ns by its unit; a map names it by time = "..." under [map]',
+        do="rename it to time, or by its unit to time_ms, time_us or time_ns; where a map is asked for, "
+        'time = "..." under [map] names it too',
     )
 
 
-def spread(
-    name: str, arrays: Mapping[str, np.ndarray], rows: int
-) -> tuple[dict[str, np.ndarray], tuple[Finding, ...]]:
-    """Arrays of a log `name` as columns of so many rows, and findings about the arrays that are left out.
+def _unit(name: str, options: ReadOptions) -> str:
+    """The unit of the clock of this name: the map's, else the one that its name states."""
+    return options.time_unit if options.time else stated_unit(name) or options.time_unit
 
-    An array (rows, n), or (n, rows), is n columns "array[0]", ...; scalars are no columns, and are not told.
+
+def _place(name: str) -> int:
+    """Where the name of a clock stands among the usual ones; a T comes last, for it may be a temperature."""
+    plain = name.lower()
+    return _USUAL.index(plain) if plain in _USUAL and name != "T" else len(_USUAL) + (name == "T")
+
+
+def spread(
+    name: str, arrays: Mapping[str, np.ndarray], clock: str, options: ReadOptions
+) -> tuple[dict[str, dict[str, np.ndarray]], dict[str, Finding]]:
+    """{clock: columns} of a log's arrays, and {array: finding} of those that are left out.
+
+    An array (rows, n), or (n, rows), is n columns "array[0]", ...; scalars are no columns, and are not told. What is
+    not as long as `clock`, which comes first, is on the clock that is as long and is named so, such as cmd_time.
     """
-    columns: dict[str, np.ndarray] = {}
-    findings = []
+    rows, clocks = len(arrays[clock]), _other_clocks(arrays, clock, options)
+    tables = {clock: {clock: arrays[clock]}}
+    left = {}
     for key, array in arrays.items():
-        if array.ndim == 2 and array.shape[0] != rows:
-            array = array.T
-        fits = array.ndim in (1, 2) and len(array) == rows
-        if fits and array.ndim == 1:
-            columns[key] = array
-        elif fits and array.shape[1] <= MAX_ITEMS:
-            columns |= {f"{key}[{i}]": array[:, i] for i in range(array.shape[1])}
+        alike = [other for other, stamps in clocks.items() if len(stamps) in array.shape[:2]]
+        own = clock if rows in array.shape[:2] else max(alike, key=lambda c: _shared(c, key), default=None)
+        columns = _columns(key, array, len(arrays[own])) if own and key not in clocks else {}
+        if columns:
+            tables.setdefault(own, {own: arrays[own]}).update(columns)
         elif array.ndim > 0:
-            shape = f"{len(array)} values" if array.ndim == 1 else f"shape {array.shape}"
-            findings.append(Finding("info", "left_out", f"{name}, {key}", f"{shape} for {rows} time stamps"))
-    return columns, tuple(findings)
+            left[key] = _left_out(name, key, array, clock, rows)
+    return tables, {key: found for key, found in left.items() if key not in tables}
+
+
+def from_tables(
+    path: Path,
+    tables: Mapping[str, Mapping[str, np.ndarray]],
+    options: ReadOptions,
+    *,
+    metadata: Mapping[str, Any],
+    left: Mapping[str, Finding],
+    labels: Mapping[str, np.ndarray] | None = None,
+) -> RawLog:
+    """A RawLog of what `spread` gives: the columns of each clock, and what was left out.
+
+    labels : beside the first clock. Raises LogError as `from_columns` does.
+    """
+    (clock, _), *others = tables.items()
+    names = (*(name for columns in tables.values() for name in columns if name not in tables), *left)
+    found = tuple(left.values())
+    told = {"metadata": metadata, "labels": labels, "findings": found, "names": names}
+    log = from_columns(path, tables[clock], options, **told)
+    logs = [log]
+    for other, columns in others:
+        unit = _told_unit(other, _unit(clock, options))
+        logs.append(from_columns(path, columns, replace(options, time=other, time_unit=unit)))
+    start = min(float(one.metadata["start"]) for one in logs)
+    sources = {
+        name: replace(series, time=series.time + (float(one.metadata["start"]) - start))
+        for one in logs
+        for name, series in one.sources.items()
+    }
+    return replace(log, sources=sources, metadata={**log.metadata, "start": start})
+
+
+def _other_clocks(
+    arrays: Mapping[str, np.ndarray], clock: str, options: ReadOptions
+) -> dict[str, np.ndarray]:
+    """Arrays that are clocks beside the log's own: by their names, and as they run on and overlap with it."""
+    unit, own = _unit(clock, options), arrays[clock]
+    begin, end = _ends(own, unit)
+    out = {}
+    for name, array in arrays.items():
+        if array.ndim == 1 and 1 < len(array) != len(own) and not _CLOCKS.isdisjoint(words(name)):
+            first, last = _ends(array, _told_unit(name, unit))
+            if np.all(np.diff(doubles(array)) >= 0) and first < last and first <= end and begin <= last:
+                out[name] = array
+    return out
+
+
+def _ends(stamps: np.ndarray, unit: str) -> tuple[float, float]:
+    """The least and the largest of stamps [s]; NaN where there is none."""
+    times = doubles(stamps) * (1.0 if stamps.dtype.kind in "mM" else TIME_UNITS[unit])
+    times = times[np.isfinite(times)]
+    return (float(times.min()), float(times.max())) if len(times) else (math.nan, math.nan)
+
+
+def _told_unit(name: str, usual: str) -> str:
+    """The unit at the end of a clock's name, as of cmd_time_ms; else that of the log's own clock."""
+    last = words(name)[-1]
+    return last if last in TIME_UNITS else usual
+
+
+def _shared(one: str, other: str) -> int:
+    """How many words two names share."""
+    return len({*words(one)} & {*words(other)})
+
+
+def _columns(key: str, array: np.ndarray, rows: int) -> dict[str, np.ndarray]:
+    """The columns of an array that is as long, or as wide, as a clock; none of images, nor of three dimensions."""
+    if array.ndim == 1:
+        return {key: array}
+    if array.ndim == 2 and array.shape[0] != rows:
+        array = array.T
+    if array.ndim > 2 or array.shape[1] > MAX_ITEMS:
+        return {}
+    return {f"{key}[{i}]": array[:, i] for i in range(array.shape[1])}
+
+
+def _left_out(name: str, key: str, array: np.ndarray, clock: str, rows: int) -> Finding:
+    """What is said of an array that has no clock; one that is short, as gains are, or a clock itself, is only told."""
+    shape = f"{len(array)} values" if array.ndim == 1 else f"shape {array.shape}"
+    where, told = f"{name}, {key}", f"{shape} for {rows} time stamps"
+    clocked = rows in array.shape[:2] or not _CLOCKS.isdisjoint(words(key))
+    if clocked or max(array.shape) <= MAX_ITEMS:
+        return Finding("info", "left_out", where, told)
+    do = f"resample it onto {clock!r}, or store its clock beside it, such as {key}_time, that overlaps with {clock!r}"
+    return Finding("warning", "left_out", where, f"{told}: it is left out; {do}")

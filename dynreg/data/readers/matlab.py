@@ -13,7 +13,7 @@ import numpy as np
 from dynreg.data.logfile import LogFile
 from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.budget import Budget
-from dynreg.data.readers.columns import from_columns, spread, time_column
+from dynreg.data.readers.columns import from_tables, spread, time_column
 from dynreg.data.series import RawLog
 from dynreg.errors import LogError
 
@@ -24,7 +24,7 @@ _NUMERIC = range(6, 16)  # array classes double to uint64; the others are cells,
 
 
 def read(file: LogFile, options: ReadOptions) -> RawLog:
-    """Read the vectors of a .mat file that are as long as its time vector.
+    """Read the vectors and matrices of a .mat file that are as long as its time vector, or a clock beside them.
 
     Raises LogError for version 7.3 (HDF5) files and for damaged ones.
     """
@@ -53,9 +53,10 @@ def read(file: LogFile, options: ReadOptions) -> RawLog:
             expected="a vector a signal, one of them the time",
             do="save the fields of a struct by save(file, '-struct', 'name', '-v7')",
         )
-    rows = len(vectors[time_column(file.path, vectors, options)])
-    columns, findings = spread(file.name, {n: v for n, v in numeric.items() if v.ndim <= 2}, rows)
-    return from_columns(file.path, columns, options, metadata=metadata, findings=findings)
+    clock = time_column(file.path, vectors, options)
+    arrays = {name: value for name, value in numeric.items() if value.ndim <= 2}
+    tables, left = spread(file.name, arrays, clock, options)
+    return from_tables(file.path, tables, options, metadata=metadata, left=left)
 
 
 def _variables(data: bytes, budget: Budget) -> Iterator[tuple[str, np.ndarray]]:

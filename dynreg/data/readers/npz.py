@@ -15,7 +15,7 @@ from numpy.lib import format as npy
 from dynreg.data.logfile import LogFile
 from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.budget import Budget
-from dynreg.data.readers.columns import from_columns, spread, time_column
+from dynreg.data.readers.columns import from_tables, spread, time_column
 from dynreg.data.series import RawLog
 from dynreg.errors import LogError
 
@@ -23,7 +23,7 @@ _PLAIN = "biufmM"  # numbers, dates and spans
 
 
 def read(file: LogFile, options: ReadOptions) -> RawLog:
-    """Read the arrays of an .npz file that have a row for each stamp of its time.
+    """Read the arrays of an .npz file that have a row for each stamp of its time, or of a clock beside them.
 
     The columns of an array (T, n) are "name[0]", ...; where one array of text names n of them also "name[elbow]".
     Raises LogError for damaged files, and for arrays of objects: to read these would run code out of the file.
@@ -41,21 +41,22 @@ def read(file: LogFile, options: ReadOptions) -> RawLog:
     numbers = {name: a for name, a in arrays.items() if a.dtype.kind in _PLAIN}
     texts = {name: a for name, a in arrays.items() if a.dtype.kind == "U" and a.ndim == 1}
     vectors = {name: a for name, a in numbers.items() if a.ndim == 1}
-    rows = len(vectors[time_column(file.path, vectors, options, tuple(numbers))])
-    columns, findings = spread(file.name, numbers, rows)
-    # names first: which list of names an array has is told by its width, also where few of its columns are wanted
-    columns = columns | _by_name(columns, [list(t) for t in texts.values() if len(t) != rows])
-    columns = {n: c for n, c in columns.items() if n in vectors or options.wants_signal(n)}
-    metadata = {name: float(a) for name, a in numbers.items() if a.ndim == 0 and a.dtype.kind in "biuf"}
-    log = from_columns(
+    clock = time_column(file.path, vectors, options, tuple(numbers))
+    rows = len(vectors[clock])
+    tables, left = spread(file.name, numbers, clock, options)
+    lists = [list(t) for t in texts.values() if len(t) != rows]
+    for of, columns in tables.items():
+        # names first: which list of names an array has is told by its width, also where few of its columns are wanted
+        every = columns | _by_name(columns, lists)
+        tables[of] = {n: c for n, c in every.items() if n in vectors or options.wants_signal(n)}
+    return from_tables(
         file.path,
-        columns,
+        tables,
         options,
-        metadata=metadata,
+        metadata={name: float(a) for name, a in numbers.items() if a.ndim == 0 and a.dtype.kind in "biuf"},
+        left=left,
         labels={name: t.astype(object) for name, t in texts.items() if len(t) == rows},
-        findings=findings,
     )
-    return log
 
 
 def _arrays(archive: zipfile.ZipFile, budget: Budget) -> Iterator[tuple[str, np.ndarray]]:
