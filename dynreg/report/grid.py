@@ -64,18 +64,19 @@ class _Grid:
         longest, words = (
             [_longest(row[i].split(at) for row in cells) for i in columns] for at in ("\n", None)
         )
-        if sum(map(max, longest, map(len, self.columns))) <= room:
-            return None
-        natural = [*map(max, longest, (_longest([name.split()]) for name in self.columns))]
+        whole = [*map(max, longest, map(len, self.columns))]
         out = [wide if wide <= WORD else min(word, WORD) for wide, word in zip(longest, words, strict=True)]
-        spare = min(room, sum(natural)) - sum(out)
-        if spare < 0:
+        spare = room - sum(out)
+        if sum(whole) <= room or spare < 0:
             return None
-        first = min(spare, natural[0] - out[0]) if longest[0] < KEPT_WHOLE else 0
-        out[0], spare = out[0] + first, spare - first
-        while spare > 0:  # fewer than all want, as these do not fit
-            narrowest = min((i for i in columns if out[i] < natural[i]), key=lambda i: out[i] / natural[i])
-            out[narrowest], spare = out[narrowest] + 1, spare - 1
+        if longest[0] < KEPT_WHOLE:
+            first = min(spare, longest[0] - out[0])
+            out[0], spare = out[0] + first, spare - first
+        unbroken = [*map(max, longest, (_longest([name.split()]) for name in self.columns))]
+        for wanted in (unbroken, whole):
+            while spare > 0 and (short := [i for i in columns if out[i] < wanted[i]]):
+                out[min(short, key=lambda i: out[i])] += 1
+                spare -= 1
         return out
 
 

@@ -86,7 +86,13 @@ def test_every_set_is_ingested_whole(robot: str, data_dir: Path):
     assert recording.names == tuple(c.name for c in SPECS[robot].channels)
     assert (len(recording.episodes), sum(len(e.time) for e in recording.episodes)) == (episodes, rows)
     assert all(np.isfinite(e.values).all() for e in recording.episodes)
-    assert {f["check"] for f in recording.provenance["findings"]} <= {"clock", "spike", "units", "jitter"}
+    assert {f["check"] for f in recording.provenance["findings"]} <= {
+        "clock",
+        "spike",
+        "units",
+        "jitter",
+        "rate",
+    }
     assert not any("/" in entry["name"] for entry in recording.provenance["files"])
 
 
