@@ -40,7 +40,7 @@ class _Grid:
             bool(cells) and all(isinstance(row[i], int | float | None) for row in self.rows)
             for i in range(len(self.columns))
         ]
-        widths = self._widths(cells, options.max_width)
+        widths = self._widths(cells, numeric, options.max_width)
         short = all(len(row[0]) < KEPT_WHOLE for row in cells)
         out = Table(
             box=_LINES, show_edge=False, show_header=any(self.columns), pad_edge=False, header_style="bold"
@@ -57,8 +57,8 @@ class _Grid:
             out.add_row(*row)
         yield out
 
-    def _widths(self, cells: list[list[str]], most: int) -> list[int] | None:
-        """Of the columns, in characters; None where all fit as they are, or do not fit at all."""
+    def _widths(self, cells: list[list[str]], numeric: list[bool], most: int) -> list[int] | None:
+        """Of the columns, in characters; None where no number would be broken, or nothing keeps them whole."""
         columns = range(len(self.columns))
         room = most - GAP * (len(columns) - 1)
         longest, words = (
@@ -66,14 +66,20 @@ class _Grid:
         )
         whole = [*map(max, longest, map(len, self.columns))]
         out = [wide if wide <= WORD else min(word, WORD) for wide, word in zip(longest, words, strict=True)]
-        spare = room - sum(out)
-        if sum(whole) <= room or spare < 0:
+        spare, named = room - sum(out), longest[0] < KEPT_WHOLE
+        # rich makes the widest columns narrower until all fit, but for the first one where it is kept whole
+        left = room - named * whole[0]
+        level = next((w for w in range(room, 0, -1) if sum(min(w, c) for c in whole[named:]) <= left), 0)
+        if spare < 0 or all(wide <= level for wide, told in zip(longest, numeric, strict=True) if told):
             return None
-        if longest[0] < KEPT_WHOLE:
+        if named:
             first = min(spare, longest[0] - out[0])
             out[0], spare = out[0] + first, spare - first
-        unbroken = [*map(max, longest, (_longest([name.split()]) for name in self.columns))]
-        for wanted in (unbroken, whole):
+        unbroken = [*map(max, out, (_longest([name.split()]) for name in self.columns))]
+        for wanted in (
+            unbroken,
+            whole,
+        ):  # words of a name stay together first, then the narrow columns are served
             while spare > 0 and (short := [i for i in columns if out[i] < wanted[i]]):
                 out[min(short, key=lambda i: out[i])] += 1
                 spare -= 1
