@@ -18,9 +18,8 @@ _BETTER = {  # topics by the words in them, the first the better
     "tilt": ("mocap", "vicon", "truth", "ground", "imu", "odom", "pose", "tf"),
     "rate": ("imu", "odom"),
 }
-_LISTED = re.compile(
-    r"(.*(?:quat|orientation)[^\[\]]*)\[0\]", re.IGNORECASE
-)  # the first item of a quaternion
+# the first item of a quaternion in a list
+_LISTED = re.compile(r"(.*(?:quat|orientation)[^\[\]]*)\[0\]", re.IGNORECASE)
 ALIKE = 0.1  # of a unit quaternion's parts, and of their squares: nearer to each other, they do not tell the order
 
 
