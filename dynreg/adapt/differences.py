@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 import numpy as np
-from scipy.stats import rankdata
 
 
 def absolute(simulated: np.ndarray, real: np.ndarray) -> np.ndarray:
@@ -28,6 +27,8 @@ def unranked(simulated: np.ndarray, real: np.ndarray) -> np.ndarray:
 
 def rank_correlation(simulated: np.ndarray, real: np.ndarray) -> np.ndarray:
     """(s,) Spearman's, of scores (s, m) and (m,): the correlation of their ranks; 0 where all of either are equal."""
+    from scipy.stats import rankdata  # takes long to load, and the words of a result need only a unit
+
     a, b = (rankdata(x, axis=-1) for x in (simulated, real))
     a, b = a - a.mean(axis=-1, keepdims=True), b - b.mean(axis=-1, keepdims=True)
     size = np.sqrt((a**2).sum(axis=-1) * (b**2).sum(axis=-1))
@@ -37,3 +38,12 @@ def rank_correlation(simulated: np.ndarray, real: np.ndarray) -> np.ndarray:
 DIFFERENCES: Mapping[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = MappingProxyType(
     {"absolute": absolute, "signed": signed, "rank": unranked}
 )
+
+
+def unit_of(difference: str, unit: str) -> str:
+    """The unit of a difference, by its name, of scores in `unit`; "" for none.
+
+    >>> unit_of("absolute", "m"), unit_of("rank", "m")
+    ('m', '')
+    """
+    return "" if difference == "rank" else unit

@@ -42,9 +42,8 @@ def forecast(trials: Trials, had: Had, *new: np.ndarray) -> Forecast:
     means, noise = fitness(seen).mean(axis=(0, 2)), ((first - second) ** 2).mean(axis=1) / 2
     shared = _covariance(np.cov(first, second)[:n, n:])
     alone = ALONE * max(np.sqrt(np.diag(shared).max()), trials.task.success)
-    shared = shared + alone**2 * (genes[:, None] == genes).all(
-        axis=2
-    )  # two trials of a gait are not two gaits
+    same = (genes[:, None] == genes).all(axis=2)  # two trials of a gait are not two gaits
+    shared = shared + alone**2 * same
     scatter = shared[:m, :m] + np.diag(noise[:m])
     apart = np.linalg.lstsq(scatter, np.array(had.reached) - means[:m])[0]
     values = means + shared[:, :m] @ apart

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from dynreg.adapt.differences import unit_of
 from dynreg.adapt.journalled import Journalled, Outcome, trial_name
 from dynreg.adapt.reality import back_to_reality
 from dynreg.adapt.tried import ADAPTED, START, Adapted, Rules
@@ -69,7 +70,7 @@ class ByReality:
 
     Versions: the simulator that it begins with, and one for each adaptation. `iteration 2` is that of the second, and
     `iteration 2, rolled back` the simulator before, used again because the newer one's gaits fell. before, after : mean
-    difference of simulated and real scores, in the task's unit; their rank correlation has none.
+    difference of simulated and real scores, in the unit that `unit_of` tells.
     """
 
     def fit(self, question: Question, evidence: Evidence, limits: Limits) -> Answer:
@@ -102,10 +103,7 @@ class ByReality:
         if found.best is None:
             _none_stood(door.name, len(found.tried), found.ended)
         return Answer(
-            tuple(
-                _version(robot, one, "" if rules.difference == "rank" else door.task.unit)
-                for one in found.versions
-            ),
+            tuple(_version(robot, one, unit_of(rules.difference, door.task.unit)) for one in found.versions),
             found.ended,
             played.rollouts + found.resumed,
             (played.rollouts + found.resumed) * whole,

@@ -36,11 +36,10 @@ class ScoredRobot(Door):
     real: RealRobot | Player
 
     def __post_init__(self) -> None:
-        own, real = self.robot.actions, getattr(self.real, "robot", self.robot)
-        if isinstance(self.real, RealRobot) and real.actions != own:
+        if isinstance(self.real, RealRobot) and self.real.robot.actions != self.robot.actions:
             raise UsageError(
-                f"a robot to try with the commands {', '.join(real.actions)}",
-                expected=f"those of {self.robot.name!r}: {', '.join(own)}",
+                f"a robot to try with the commands {', '.join(self.real.robot.actions)}",
+                expected=f"those of {self.robot.name!r}: {', '.join(self.robot.actions)}",
                 do="give the robot that the gait is for",
             )
         if self.task.bodies and isinstance(self.real, RealRobot) and not self.real.tracks:

@@ -60,30 +60,28 @@ class _Grid:
     def _widths(self, cells: list[list[str]], numeric: list[bool], most: int) -> list[int] | None:
         """Of the columns, in characters; None where no number would be broken, or nothing keeps them whole."""
         columns = range(len(self.columns))
-        room = most - GAP * (len(columns) - 1)
         longest, words = (
             [_longest(row[i].split(at) for row in cells) for i in columns] for at in ("\n", None)
         )
-        whole = [*map(max, longest, map(len, self.columns))]
+        whole, room = [*map(max, longest, map(len, self.columns))], most - GAP * (len(columns) - 1)
+        named = longest[0] < KEPT_WHOLE
+        level = _level(whole[named:], room - named * whole[0])
         out = [wide if wide <= WORD else min(word, WORD) for wide, word in zip(longest, words, strict=True)]
-        spare, named = room - sum(out), longest[0] < KEPT_WHOLE
-        # rich makes the widest columns narrower until all fit, but for the first one where it is kept whole
-        left = room - named * whole[0]
-        level = next((w for w in range(room, 0, -1) if sum(min(w, c) for c in whole[named:]) <= left), 0)
-        if spare < 0 or all(wide <= level for wide, told in zip(longest, numeric, strict=True) if told):
+        if sum(out) > room or all(wide <= level for wide, told in zip(longest, numeric, strict=True) if told):
             return None
         if named:
-            first = min(spare, longest[0] - out[0])
-            out[0], spare = out[0] + first, spare - first
+            out[0] += min(room - sum(out), longest[0] - out[0])
+        # words of a column's name stay together first, then the narrow columns are served
         unbroken = [*map(max, out, (_longest([name.split()]) for name in self.columns))]
-        for wanted in (
-            unbroken,
-            whole,
-        ):  # words of a name stay together first, then the narrow columns are served
-            while spare > 0 and (short := [i for i in columns if out[i] < wanted[i]]):
+        for wanted in (unbroken, whole):
+            while sum(out) < room and (short := [i for i in columns if out[i] < wanted[i]]):
                 out[min(short, key=lambda i: out[i])] += 1
-                spare -= 1
         return out
+
+
+def _level(widths: Sequence[int], room: int) -> int:
+    """The width at which rich cuts the widest of columns off, so that all of them fit into `room` characters."""
+    return next((w for w in range(room, 0, -1) if sum(min(w, wide) for wide in widths) <= room), 0)
 
 
 def _longest(texts: Iterable[Sequence[str]]) -> int:

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from dynreg.adapt.differences import unit_of
 from dynreg.report.drawing import Chart, chart
 from dynreg.report.words import count, number
 from dynreg.results.calibration import Calibration, OnRobot
@@ -28,10 +29,11 @@ def verdict(result: Calibration) -> str:
 
 def difference(told: OnRobot) -> tuple[str, str]:
     """What is said of the difference that an adaptation makes small, and its unit, "" for none."""
+    unit = unit_of(told.difference, told.unit)
     if told.difference == "rank":
-        return "1 - the rank correlation of simulated and real scores", ""
+        return "1 - the rank correlation of simulated and real scores", unit
     kind = "mean signed difference" if told.difference == "signed" else "difference"
-    return f"the {kind} of simulated and real scores", told.unit
+    return f"the {kind} of simulated and real scores", unit
 
 
 def spent(result: Calibration) -> str:

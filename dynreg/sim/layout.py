@@ -129,7 +129,7 @@ def headed(layout: Layout, states: np.ndarray, first: np.ndarray | None) -> None
 
 
 def continued(angle: np.ndarray, axis: int) -> np.ndarray:
-    """Angles [rad] of a base that go on beyond half a turn along `axis`.
+    """Angles [rad] of a base that go on beyond half a turn along `axis`: jumps by three quarters or more are wraps.
 
     A base that pitches through the vertical shows half a turn from one row to the next, and soon shows it back: this
     stays as it is. Taken for a whole turn, it would stay in all rows after it.

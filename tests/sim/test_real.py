@@ -125,10 +125,8 @@ def test_sensors_are_as_fine_as_robot_toml_states() -> None:
     emps, still = load_robot("emps"), np.zeros((500, 1))
     read = sensed(emps, np.tile([0.1, 0.0], (500, 1)), np.random.default_rng(0))[:, :1]
     assert 0.5e-6 < (read - 0.1).std() < 2e-6
-    (slide, *others) = emps.file.channels
-    unstated = replace(
-        emps, file=emps.file.model_copy(update={"channels": [slide.model_copy(update={"noise": 0.0})]})
-    )
+    bare = emps.file.channels[0].model_copy(update={"noise": 0.0})
+    unstated = replace(emps, file=emps.file.model_copy(update={"channels": [bare]}))
     assert 0.3e-3 < sensed(unstated, still, np.random.default_rng(0)).std() < 0.7e-3
 
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+import one_arm
 import pytest
 
 from dynreg.extend.robot_folder import export_robot
@@ -11,61 +12,14 @@ from dynreg.sim.config import SimConfig
 from dynreg.sim.engines import rollout
 from dynreg.sim.engines.arena import Simulations
 from dynreg.sim.lint import doubts
-from dynreg.sim.robot import Robot, load_robot
+from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
-
-MODEL = """<mujoco>
-  <option timestep="0.002" integrator="implicitfast"/>
-  <worldbody>
-    <body>
-      <joint name="arm" axis="0 1 0" armature="0.02"/>
-      <geom type="capsule" size="0.01" fromto="0 0 0 0 0 -0.2" mass="0.3" contype="0" conaffinity="0"/>
-    </body>
-  </worldbody>
-  <actuator><position joint="arm" kp="10" kv="0.5" {delay}/></actuator>
-  <keyframe><key name="start" qpos="1.0" ctrl="1.0"/></keyframe>
-</mujoco>"""
-TOML = """
-[robot]
-name = "late"
-engines = ["mujoco", "joint"]
-control_rate = 50.0
-timestep = 0.002
-
-[reset]
-keyframe = "start"
-
-[[drives]]
-joint = "arm"
-type = "position"
-gain = 10.0
-rate_gain = 0.5
-torque_limit = 3.0
-
-[[actions]]
-name = "arm/target"
-unit = "rad"
-
-[[channels]]
-name = "arm/position"
-unit = "rad"
-noise = 0.0005
-
-[[parameters]]
-name = "gain"
-unit = "1"
-nominal = 1.0
-low = 0.5
-high = 1.5
-sets = ["port.drive.gain_factor *="]
-"""
 
 
 def written(folder: Path, delay: str) -> Robot:
     folder.mkdir()
-    (folder / "model.xml").write_text(MODEL.format(delay=delay), encoding="utf-8")
-    (folder / "robot.toml").write_text(TOML, encoding="utf-8")
-    return load_robot(folder)
+    actuator = f'<position joint="arm" kp="10" kv="0.5" {delay}/>'
+    return one_arm.written(folder, one_arm.model_of(actuator, 'qpos="1.0" ctrl="1.0"'))
 
 
 @pytest.fixture

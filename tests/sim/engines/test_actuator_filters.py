@@ -1,82 +1,26 @@
 """Actuators that smooth their commands: what they hold is a part of where an episode starts, and what drives follow."""
 
-from pathlib import Path
-
 import mujoco
 import numpy as np
+import one_arm
 import pytest
 
 from dynreg.sim.effects import Terms, term
 from dynreg.sim.engines import rollout
 from dynreg.sim.engines.arena import Simulations
-from dynreg.sim.robot import Robot, load_robot
+from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
-MODEL = """<mujoco>
-  <option timestep="0.002" integrator="implicitfast"/>
-  <worldbody>
-    <body>
-      <joint name="arm" axis="0 1 0" armature="0.02"/>
-      <geom type="capsule" size="0.01" fromto="0 0 0 0 0 -0.2" mass="0.3" contype="0" conaffinity="0"/>
-    </body>
-  </worldbody>
-  <actuator>
-    <general name="arm" joint="arm" dyntype="filterexact" dynprm="0.1" gainprm="10" biastype="affine"
-             biasprm="0 -10 -0.5" forcelimited="true" forcerange="-3 3"/>
-  </actuator>
-  <keyframe><key name="start" qpos="0.3" ctrl="0.3" act="0.3"/></keyframe>
-</mujoco>"""
-TOML = """
-[robot]
-name = "smooth"
-engines = ["mujoco"]
-control_rate = 50.0
-timestep = 0.002
-
-[reset]
-keyframe = "start"
-settle = {settle}
-
-[[drives]]
-joint = "arm"
-type = "position"
-gain = 10.0
-rate_gain = 0.5
-torque_limit = 3.0
-
-[[actions]]
-name = "arm/target"
-unit = "rad"
-
-[[channels]]
-name = "arm/position"
-unit = "rad"
-noise = 0.0005
-
-[[channels]]
-name = "arm/velocity"
-unit = "rad/s"
-noise = 0.02
-
-[[parameters]]
-name = "gain"
-unit = "1"
-nominal = 1.0
-low = 0.5
-high = 1.5
-sets = ["port.drive.gain_factor *="]
-"""
+MODEL = one_arm.model_of(
+    """<general name="arm" joint="arm" dyntype="filterexact" dynprm="0.1" gainprm="10" biastype="affine"
+             biasprm="0 -10 -0.5" forcelimited="true" forcerange="-3 3"/>""",
+    'qpos="0.3" ctrl="0.3" act="0.3"',
+)
 
 
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Robot:
-    return written(tmp_path_factory.mktemp("smooth"), 0.3)
-
-
-def written(folder: Path, settle: float) -> Robot:
-    (folder / "model.xml").write_text(MODEL, encoding="utf-8")
-    (folder / "robot.toml").write_text(TOML.format(settle=settle), encoding="utf-8")
-    return load_robot(folder)
+    return one_arm.written(tmp_path_factory.mktemp("smooth"), MODEL, settle=0.3)
 
 
 def moved(robot: Robot, run: Run, terms: Terms | None = None) -> np.ndarray:
