@@ -12,6 +12,7 @@ from dynreg.diagnose.calibrate import calibrate
 from dynreg.diagnose.noise import noisier, own_noise
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.problem import Problem
+from dynreg.diagnose.ranking.population import EffectPopulation
 from dynreg.diagnose.settle import unlike
 from dynreg.diagnose.tail import exceeded
 from dynreg.diagnose.verdict import lefts, most_left
@@ -45,7 +46,8 @@ STRETCHES = 8  # of a window, in which commands are compared
 # below 64 simulations, which five fill; and between groups there is something to tell.
 TOGETHER = 5
 
-Nulls = Callable[[int], Iterable[tuple[float, float]]]  # `null` of so many robots, computed elsewhere
+# `null` of so many robots, computed elsewhere, with these simulators of one effect each to guide their searches
+Nulls = Callable[[int, EffectPopulation | None], Iterable[tuple[float, float]]]
 
 
 class Cache(Protocol):
@@ -106,7 +108,8 @@ def threshold(
         seeds = [null_seed(options.seed, i) for i in range(runs)]
         made = yield from nulls_of(problem, noise, seeds, done)
     else:
-        made = _told(nulls(runs), done)
+        known = None if problem.guide is None else problem.guide.population
+        made = _told(nulls(runs, known), done)
     found = Threshold.of(made)
     if cache is not None:
         kept = (cache.cached(KIND, key) or {"found": []})["found"]

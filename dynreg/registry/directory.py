@@ -22,6 +22,7 @@ from dynreg.registry.files import (
     LOCKS,
     StoredFile,
     content_hash,
+    in_use,
     is_temporary,
     read_regular,
     sha256_of,
@@ -49,6 +50,7 @@ class Directory:
     home : where it is written: `path`; of a registry that may only be read, a temporary folder that goes when it is
         closed.
     made : whether this opening made it.
+    alone : whether no other process has the folder open now; of one that may be written.
     bucket : where the files of a shared registry lie; None where they lie in `path` itself.
     """
 
@@ -68,6 +70,8 @@ class Directory:
         self._held = ExitStack()
         if self.read_only:  # for as long as the lock is held, `gc` leaves the folder alone
             self._held.enter_context(try_lock(self.home, create=False))
+        else:
+            self.alone = self._held.enter_context(in_use(path))
 
     @property
     def read_only(self) -> bool:

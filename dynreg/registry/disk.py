@@ -30,16 +30,18 @@ def create(path: Path) -> int:
     return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | FLAGS, 0o666)
 
 
-def lock(descriptor: int, wait: bool = True) -> None:
+def lock(descriptor: int, wait: bool = True, shared: bool = False) -> None:
     """Hold the lock of an open file or folder until it is closed; without `wait`, BlockingIOError if another has it.
 
+    shared : hold it together with others that share it; a later call for this descriptor changes how it is held.
     Raises OSError where it cannot be locked, as on a file system without locks.
     """
     from portalocker import AlreadyLocked, LockException, LockFlags
     from portalocker import lock as take  # imported here: it wants a module of the system's own
 
     try:
-        take(descriptor, LockFlags.EXCLUSIVE | (LockFlags(0) if wait else LockFlags.NON_BLOCKING))
+        how = LockFlags.SHARED if shared else LockFlags.EXCLUSIVE
+        take(descriptor, how | (LockFlags(0) if wait else LockFlags.NON_BLOCKING))
     except AlreadyLocked as problem:
         raise BlockingIOError(str(problem)) from None
     except LockException as problem:

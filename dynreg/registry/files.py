@@ -7,7 +7,7 @@ import os
 import secrets
 import shutil
 import stat
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -207,6 +207,32 @@ def try_lock(path: Path, create: bool = True) -> Iterator[bool]:
             raise disk.refused("lock", path, error) from error
         # The holder before us may have removed the name between our open and our lock.
         yield _same_file(descriptor, path)
+    finally:
+        os.close(descriptor)
+
+
+@contextmanager
+def in_use(folder: Path) -> Iterator[Callable[[], bool]]:
+    """Tell others for the block that a folder is in use; gives a function: whether this block alone uses it now.
+
+    Where folders cannot be locked nobody is told, and no block takes itself to be alone.
+    """
+    try:
+        descriptor = os.open(folder, os.O_RDONLY | disk.FLAGS)
+    except OSError:
+        yield lambda: False
+        return
+
+    def alone() -> bool:
+        with suppress(OSError):
+            disk.lock(descriptor, wait=False)
+            return True
+        return False
+
+    try:
+        with suppress(OSError):
+            disk.lock(descriptor, wait=False, shared=True)
+        yield alone
     finally:
         os.close(descriptor)
 

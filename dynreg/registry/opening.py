@@ -83,11 +83,12 @@ def open_directory(path: Path, create: bool, aside: bool = False) -> Directory:
 def take_away(directory: Directory) -> None:
     """Close a registry, and remove it where its own opening made it and at most robots were stored in it since.
 
-    A journal of a search that can go on keeps it: it may tell of trials on a robot.
+    What an interrupted command goes on from keeps it: a search's journal, or anything in the cache. So does another
+    process that has it open.
     """
     gone = temporary_name(directory.path)  # whoever looks in the meantime finds all of it, or nothing
     with suppress(OSError, RegistryError):  # an empty registry that stays does no harm
-        if directory.made:
+        if directory.made and directory.alone():
             with directory.catalog.write() as writing:  # nobody puts anything meanwhile
                 if not _holds_any(writing.connection) and not _can_go_on(directory.path):
                     disk.rename(directory.path, gone)
@@ -221,8 +222,11 @@ def _holds_any(connection: Connection) -> bool:
 
 
 def _can_go_on(path: Path) -> bool:
-    """Whether a search has left a journal with a step in it, behind its head."""
-    return any(journal.read_bytes().count(b"\n") > 1 for journal in (path / SEARCHES).glob("*.jsonl"))
+    """Whether a search has left a journal with a step in it, behind its head, or a command results in the cache."""
+    journals = (path / SEARCHES).glob("*.jsonl")
+    return any(journal.read_bytes().count(b"\n") > 1 for journal in journals) or any(
+        is_content(file.name) for file in (path / CACHE).glob("*/*")
+    )
 
 
 def _version(path: Path) -> int | None:

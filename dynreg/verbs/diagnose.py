@@ -247,7 +247,6 @@ def _nulls(
             yield None
             return
         job = {
-            "registry": str(asked.registry.path.resolve()),
             "robot": plain_robot(asked.robot),
             "recording": plain_recording(asked.recording),
             "start": None if start is None else start.as_dict(),

@@ -16,7 +16,7 @@ from lossy import Lossy
 from dynreg import session
 from dynreg.cli.main import main
 from dynreg.diagnose.diagnose import posed
-from dynreg.diagnose.options import DiagnosisOptions
+from dynreg.diagnose.options import DiagnosisOptions, Ranker
 from dynreg.diagnose.problem import Problem
 from dynreg.diagnose.threshold import Threshold, threshold
 from dynreg.diagnose.trial import trial_threshold
@@ -127,14 +127,17 @@ def test_the_robots_of_a_trial_are_diagnosed_elsewhere_with_the_same_numbers(tmp
         )
 
 
+@pytest.mark.parametrize("ranker", ["auto", "make"])
 def test_the_threshold_of_a_diagnosis_is_found_elsewhere_with_the_same_numbers(
-    tmp_path: Path, registry_folder: Path
+    ranker: Ranker, tmp_path: Path, registry_folder: Path
 ) -> None:
-    options = DiagnosisOptions(effects=("coulomb_friction",), windows=2, threshold_runs=2, threads=1)
+    """No worker has the registry, nor the simulators with one effect each that this process made."""
+    options = DiagnosisOptions(
+        effects=("coulomb_friction",), windows=2, threshold_runs=2, threads=1, ranker=ranker
+    )
     with Registry.open(shutil.copytree(registry_folder, tmp_path / "copy")) as registry:
         asked = recorded(registry, "bench", None, None, ingest=False)
         job = {
-            "registry": str(registry.path),
             "robot": plain_robot(asked.robot),
             "recording": plain_recording(asked.recording),
             "start": None,
@@ -145,6 +148,7 @@ def test_the_threshold_of_a_diagnosis_is_found_elsewhere_with_the_same_numbers(
         (problem, here) = run(_threshold(asked, options, None))
         (_, there) = run(_threshold(asked, options, nulls))
     assert there == here and nulls.rollouts > 0 and problem.terms
+    assert (problem.guide is not None) == (ranker == "make")
 
 
 def test_a_single_worker_has_its_work_too(

@@ -197,6 +197,25 @@ def test_what_was_opened_in_vain_is_taken_away(tmp_path, robot):
         assert [info.id for info in again.recordings()] == [make_recording(1).id]
 
 
+def test_what_a_command_goes_on_from_is_not_taken_away(tmp_path, robot):
+    made = Registry.open(tmp_path / "new", create=True)
+    made.put_robot(robot, ROBOT, "arm")
+    made.cache("trial", {"seed": 1}, {"found": 2})
+    made.take_away()
+    with Registry.open(tmp_path / "new") as again:
+        assert again.cached("trial", {"seed": 1}) == {"found": 2}
+
+
+def test_a_registry_that_another_has_open_is_not_taken_away(tmp_path, robot):
+    made = Registry.open(tmp_path / "new", create=True)
+    with Registry.open(tmp_path / "new", create=True) as other:
+        made.take_away()
+        other.put_robot(robot, ROBOT, "arm")
+        other.put_recording(make_recording(1), ROBOT)
+    with Registry.open(tmp_path / "new") as again:
+        assert [info.id for info in again.recordings()] == [make_recording(1).id]
+
+
 def test_creation_that_was_cut_short_is_finished(tmp_path):
     """After the marker nothing was written; before it only a temporary file."""
     for name in ("dynreg.json", ".dynreg.json.tmp-0123"):
