@@ -28,7 +28,10 @@ class DynregError(Exception):
         self.problem = _one_line(problem)
         self.expected = _one_line(expected)
         self.do = _one_line(do)
-        super().__init__(f"{self.problem}; expected {self.expected}; {self.do}")
+        super().__init__(self.problem)
+
+    def __str__(self) -> str:
+        return f"{self.problem}; expected {self.expected}; {self.do}"
 
 
 class UsageError(DynregError):

@@ -15,7 +15,7 @@ import typer
 
 from dynreg.cli.help import VerbHelp
 from dynreg.cli.told import parameters, told
-from dynreg.errors import RobotError, UsageError, command
+from dynreg.errors import DynregError, RobotError, UsageError, command
 from dynreg.foreign import visible
 from dynreg.session import DEFAULT, place
 from dynreg.verbs.settings import Settings
@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from dynreg.session import Session
     from dynreg.sim.robot import Robot
 
+# A command in a text: from `dynreg VERB` at its beginning, or after a sign or word that leads to it, to the closing
+# backtick, a remark of the shell or the end.
+_COMMAND = re.compile(r"(?:(?<=^)|(?<=`)|(?<=: )|(?<=then ))dynreg [a-z][^`]*?(?=`|\s+#|$)")
 _PANEL = "Global options"
 RegistryOption = Annotated[
     Path | None,
@@ -105,7 +108,9 @@ class Call:
 
         Logs may be the first things in a registry; RegistryError where there is none, and nothing to put there.
         """
-        logs = (one is not None and Path(one).exists() for one in recordings)
+        from dynreg.verbs.subjects import exists
+
+        logs = (one is not None and exists(one) for one in recordings)
         return self.open(create=robot is not None and all(logs))
 
     def robot(self, ref: str, ranges: str | None = None) -> "Robot":
@@ -127,11 +132,17 @@ class Call:
         return progress_bars(not self.quiet, faster)
 
     def here(self, text: str) -> str:
-        """A text that is a dynreg command, or ends in one, with the registry that a flag named."""
-        given = self.shared.registry
-        if given is None or not re.search(r"(^|: |then )dynreg ", text) or "--registry" in text:
-            return text
-        return f"{text} {shlex.join(('--registry', str(given)))}"
+        """A text with the flags that named the registry and the settings file in each dynreg command in it."""
+        given = {"--settings": self.shared.settings_file, "--registry": self.shared.registry}
+
+        def whole(found: re.Match[str]) -> str:
+            typed = found.group()
+            words = [
+                [flag, str(path)] for flag, path in given.items() if path is not None and flag not in typed
+            ]
+            return " ".join([typed, *map(shlex.join, words)])
+
+        return _COMMAND.sub(whole, text)
 
     def emit(
         self, result: "Result", shown: Any | None = None, hint: str | Sequence[str] | None = None
@@ -156,10 +167,11 @@ class Call:
             raise problem
 
     def emit_and_write(self, result: "Result", page: Path | None, identity: str | None = None) -> None:
-        """Print a stored result, and write its page where one is asked for; else a hint says what comes next.
+        """Print a result, and write its page where one is asked for; else a hint says what comes next, if it is stored.
 
         identity : of the result, where the hint is to name it.
         """
+        from dynreg.registry.opening import may_write
         from dynreg.report.tables import hint
 
         if page is not None:
@@ -167,7 +179,8 @@ class Call:
 
             write_report(result, page)
         following = command("report", identity[:12]) if identity else hint(result)
-        self.emit(result, hint=None if page else following)
+        gone = self.registry.is_dir() and not may_write(self.registry)
+        self.emit(result, hint=None if page or gone else following)
 
 
 def verb(
@@ -185,7 +198,11 @@ def verb(
             late = Shared(**{option: given.pop(option) for option in _OPTIONS})
             call = call_of(late.over(ctx.obj or Shared()))
             settings = {name: told(kind, given, call.settings) for name, kind in _settings(function)}
-            function(call, **given, **settings)
+            try:
+                function(call, **given, **settings)
+            except DynregError as error:
+                error.do = call.here(error.do)
+                raise
 
         run.__signature__ = _signature(function)
         run.__annotations__ = {p.name: p.annotation for p in run.__signature__.parameters.values()}

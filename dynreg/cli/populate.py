@@ -8,7 +8,7 @@ from dynreg.cli.call import Call
 from dynreg.cli.options import RobotFolder
 from dynreg.errors import command
 from dynreg.verbs.populate import PopulateSettings, check_count
-from dynreg.verbs.settings import Option
+from dynreg.verbs.settings import Option, flags
 
 
 def populate(
@@ -32,7 +32,9 @@ def populate(
         if settings.dry_run:
             session.registry.take_away()  # where this call made it
     if settings.dry_run:
-        hint = command("populate", robot, "-n", n)
+        hint = command("populate", robot, "-n", n, *flags(settings, without=("dry_run",)))
+    elif settings.effects:
+        hint = command("query", result.recording, "--population", result.population[:12])
     elif result.recording:
         hint = command("query", result.recording)
     else:

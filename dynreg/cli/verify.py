@@ -34,8 +34,8 @@ def verify(
     call.emit(result, hint=None if result.clean or repaired else "dynreg verify --repair")
     left = result.lost if repaired else result.faults
     if left:
-        mend = f"`{call.here('dynreg verify --repair')}`"
-        look = f"`{call.here('dynreg verify --dry-run')}` to see what a repair would do, then {mend}"
+        mend = "`dynreg verify --repair`"
+        look = f"`dynreg verify --dry-run` to see what a repair would do, then {mend}"
         raise CorruptError(
             f"{count(len(left), 'fault')}, the first: {left[0]}",
             expected="every stored file as it was registered",

@@ -27,6 +27,7 @@ from dynreg.replay.windows import starts
 from dynreg.rng import stream_seed
 from dynreg.sim.effects import Term
 from dynreg.sim.robot import Robot
+from dynreg.sim.versions import versions
 
 LEAST = 5.0  # nats: the lowest threshold; the leg on the ground needs it
 USUAL = 20.0  # the threshold without simulations: by contract, about what the benches find (5 to 22)
@@ -254,6 +255,7 @@ def key_of(problem: Problem, noise: Mapping[str, float], runs: int, seed: int) -
         "joints": run.joints,
         "noise": dict(noise),
         "search": SEARCH,
+        "versions": versions(),
         "arrays": digest.hexdigest(),
     }
     if problem.guide is not None:

@@ -12,7 +12,9 @@ import dynreg.registry.disk as disk
 from dynreg.errors import RegistryError
 from dynreg.registry.codec import strict_json
 from dynreg.registry.directory import Directory
-from dynreg.registry.files import CACHE, content_hash, read_regular, write_file
+from dynreg.registry.files import CACHE, content_hash, is_content, read_regular, write_file
+
+ROBOT_CHECK = "robot_check"  # the kind of what a check of a robot tells: it takes seconds
 
 
 def put_cached(directory: Directory, kind: str, key: Mapping[str, Any], document: Mapping[str, Any]) -> None:
@@ -31,6 +33,13 @@ def get_cached(directory: Directory, kind: str, key: Mapping[str, Any]) -> dict[
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
     return stored["document"] if sound else None
+
+
+def goes_on(home: Path) -> bool:
+    """Whether the cache of the registry at `home` holds what took long, as the trials of an interrupted command."""
+    return any(
+        is_content(path.name) and path.parent.name != ROBOT_CHECK for path in (home / CACHE).glob("*/*")
+    )
 
 
 def is_sound(path: Path) -> bool:

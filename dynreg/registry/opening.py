@@ -13,6 +13,7 @@ from sqlalchemy import Connection, func, select
 import dynreg.registry.disk as disk
 import dynreg.registry.tables as tables
 from dynreg.errors import CorruptError, NoPlaceError, RegistryError
+from dynreg.registry.cache import goes_on
 from dynreg.registry.catalog import BESIDE, FILE, Catalog, identity_of
 from dynreg.registry.directory import Directory
 from dynreg.registry.files import (
@@ -83,7 +84,7 @@ def open_directory(path: Path, create: bool, aside: bool = False) -> Directory:
 def take_away(directory: Directory) -> None:
     """Close a registry, and remove it where its own opening made it and at most robots were stored in it since.
 
-    What an interrupted command goes on from keeps it: a search's journal, or anything in the cache. So does another
+    What an interrupted command goes on from keeps it: a search's journal, or the cache. So does another
     process that has it open.
     """
     gone = temporary_name(directory.path)  # whoever looks in the meantime finds all of it, or nothing
@@ -222,11 +223,9 @@ def _holds_any(connection: Connection) -> bool:
 
 
 def _can_go_on(path: Path) -> bool:
-    """Whether a search has left a journal with a step in it, behind its head, or a command results in the cache."""
+    """Whether a search has left a journal with a step in it, behind its head, or a command its finds in the cache."""
     journals = (path / SEARCHES).glob("*.jsonl")
-    return any(journal.read_bytes().count(b"\n") > 1 for journal in journals) or any(
-        is_content(file.name) for file in (path / CACHE).glob("*/*")
-    )
+    return any(journal.read_bytes().count(b"\n") > 1 for journal in journals) or goes_on(path)
 
 
 def _version(path: Path) -> int | None:

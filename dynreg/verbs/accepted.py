@@ -1,13 +1,12 @@
 """Robots that a registry takes: those of which `dynreg robots check` tells no error."""
 
-from contextlib import suppress
-from importlib.metadata import PackageNotFoundError, version
-
 from dynreg.errors import RobotError, taken_apart
 from dynreg.limits import limits
 from dynreg.registry import Registry
+from dynreg.registry.cache import ROBOT_CHECK
 from dynreg.sim.inspection import inspect_files
 from dynreg.sim.robot import Robot, is_packaged
+from dynreg.sim.versions import versions
 
 _SOUND: set[str] = set()  # hashes of those that were checked in this process
 
@@ -21,11 +20,11 @@ def accept(registry: Registry, robot: Robot) -> None:
     if robot.hash in _SOUND or is_packaged(robot):
         return
     key = {"robot": robot.hash, "limits": vars(limits()), "versions": versions()}
-    known = registry.cached("robot_check", key)
+    known = registry.cached(ROBOT_CHECK, key)
     if known is None:
         errors = [str(finding) for finding in inspect_files(robot.files) if finding.severity == "error"]
         known = {"errors": errors}
-        registry.cache("robot_check", key, known)
+        registry.cache(ROBOT_CHECK, key, known)
     if known["errors"]:
         problem, expected, do = taken_apart(known["errors"][0])
         more = len(known["errors"]) - 1
@@ -35,12 +34,3 @@ def accept(registry: Registry, robot: Robot) -> None:
             do=f"{do or 'mend it'}; `dynreg robots check {robot.folder}` shows all of them",
         )
     _SOUND.add(robot.hash)
-
-
-def versions() -> dict[str, str]:
-    """Of what simulates a robot, where it is installed and not just a folder on the path."""
-    found = {}
-    for name in ("dynreg", "mujoco"):
-        with suppress(PackageNotFoundError):
-            found[name] = version(name)
-    return found

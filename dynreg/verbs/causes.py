@@ -6,7 +6,7 @@ import numpy as np
 
 from dynreg.diagnose.ranking.guide import Guide
 from dynreg.diagnose.threshold import commands, same, stretched
-from dynreg.errors import UsageError
+from dynreg.errors import UsageError, command
 from dynreg.evidence.lockstep import counted, run
 from dynreg.progress import Progress
 from dynreg.registry import PopulationRecord
@@ -15,14 +15,28 @@ from dynreg.results.result import Cost
 from dynreg.sim.effects import term
 from dynreg.verbs.effect_populations import held, posed
 from dynreg.verbs.query import QuerySettings
-from dynreg.verbs.subjects import Recorded
+from dynreg.verbs.settings import flags
+from dynreg.verbs.subjects import Recorded, word_of
+
+# Settings that it reads, and the distance, which a settings file tells to every query.
+READ = ("k", "population", "threads", "distance")
 
 
 def looks_like(
     asked: Recorded, record: PopulationRecord, settings: QuerySettings, progress: Progress | None = None
 ) -> Causes:
-    """The causes of the entries nearest to a recording. Raises UsageError where its commands are others."""
+    """The causes of the entries nearest to a recording.
+
+    Raises UsageError where its commands are others, and for settings that mean nothing to simulators with effects.
+    """
     began, report = time.perf_counter(), progress or (lambda *_: None)
+    if ignored := flags(settings, without=READ):
+        raise UsageError(
+            f"{' '.join(ignored)} with population {record.id[:12]}",
+            expected="settings of a query of simulators with effects: they have a hold-out of their own, and are all "
+            "compared",
+            do="leave it out, or fill a population of models with `dynreg populate`",
+        )
     report("compare", 0, 1)
     given = posed(asked, record.seed, settings.threads)
     told = commands(given.problem.data)
@@ -30,7 +44,7 @@ def looks_like(
         raise UsageError(
             f"population {record.id[:12]} has other commands than {asked.name!r}",
             expected="entries that were simulated under the recording's own commands",
-            do=f"run `dynreg populate {asked.robot.name} --effects --like {asked.name} -n 2000`",
+            do=f"run `{command('populate', word_of(asked), '--effects', '--like', asked.name, '-n', 2000)}`",
         )
     population, ids, _ = held(asked.registry, record.id)
     guide, model = Guide(population), given.problem.model

@@ -14,7 +14,7 @@ from dynreg.gait.near import seek_near
 from dynreg.gait.seek import SearchSettings, Sought, seek
 from dynreg.gait.trials import Trials
 from dynreg.progress import Progress
-from dynreg.verbs.accepted import versions
+from dynreg.sim.versions import versions
 from dynreg.verbs.gait_simulators import Chosen
 from dynreg.verbs.journals import by_these_versions, held
 from dynreg.verbs.subjects import Recorded

@@ -12,7 +12,7 @@ from dynreg.registry.recordings import check_name
 from dynreg.results.stored import RecordingSummary
 from dynreg.sim.robot import Robot
 from dynreg.verbs.simulator import NAMES
-from dynreg.verbs.subjects import found_in, read_log, register
+from dynreg.verbs.subjects import found_in, of_effects, read_log, register
 
 
 def ingest(
@@ -49,7 +49,7 @@ def ingest(
     notes = (*_changed(registry, identity, name, before), *_without_commands(recording, robot))
     version = registry.robot_info(robot.hash).version
     called = name or registry.recording_info(identity).name
-    mine = [p.id for p in registry.populations() if p.robot_hash == robot.hash]
+    mine = [p.id for p in registry.populations() if p.robot_hash == robot.hash and not of_effects(p)]
     told = {"version": version, "simulators": sum(map(registry.count, mine)), "notes": notes}
     return recording_summary(identity, recording, robot.name, called).model_copy(update=told)
 

@@ -13,7 +13,7 @@ from dynreg.errors import Assumed, CorruptError, UsageError
 from dynreg.registry import Registry
 from dynreg.registry.files import LOCKS, try_lock
 from dynreg.search.journal import Journal, damage, head
-from dynreg.verbs.accepted import versions
+from dynreg.sim.versions import versions
 
 
 @dataclass(frozen=True)

@@ -1,16 +1,19 @@
 """What a registry holds."""
 
-from collections.abc import Iterator, Mapping
+import warnings
+from collections.abc import Callable, Iterator, Mapping
 from operator import itemgetter
-from typing import Any
+from typing import Any, TypeVar
 
-from dynreg.errors import UsageError
+from dynreg.errors import CorruptError, Damaged, UsageError
 from dynreg.registry import Registry
 from dynreg.results.stored import EntrySummary, Listing
 from dynreg.verbs.simulator import made
 
 KINDS = ("population", "recording", "measured", "simulator", "result", "robot")
 Row = tuple[str, str, str, dict[str, Any]]  # id, name, robot, detail
+Stored = TypeVar("Stored")
+DAMAGED = "damaged"  # the name of what cannot be read
 SHOWN = 8  # held-out episodes, or pieces of them, in a row of the list
 # Of a result's document, what tells it from others of its kind.
 TELLING = ("on", "method", "task", "verdict", "test_error")
@@ -19,7 +22,8 @@ TELLING = ("on", "method", "task", "verdict", "test_error")
 def listing(registry: Registry, kind: str | None = None) -> Listing:
     """All populations, recordings, their entries, simulators, results and robots, or those of one kind.
 
-    In this order of kinds; recordings and results of a kind as they came, the newest last, others by name.
+    In this order of kinds; recordings and results of a kind as they came, the newest last, others by name. What cannot
+    be read is listed as damaged, so that it can be removed; a warning tells why (`Damaged`).
     """
     if kind is not None and kind not in KINDS:
         raise UsageError(f"kind {kind!r}", expected=f"one of {list(KINDS)}", do="choose one of them")
@@ -70,18 +74,36 @@ def _measured(registry: Registry) -> Iterator[Row]:
 
 
 def _simulators(registry: Registry) -> Iterator[Row]:
-    configs = [(i, registry.simulator(i)) for i in registry.ids("simulator")]
-    rows = ((i, simulator_name(i, c), c.get("robot_name", ""), {}) for i, c in configs)
+    configs = _read(registry, "simulator", registry.simulator)
+    rows = [
+        (i, DAMAGED, "", {}) if c is None else (i, simulator_name(i, c), c.get("robot_name", ""), {})
+        for i, c in configs
+    ]
     # a name begins with the robot's and tells how it was made
     yield from sorted(rows, key=itemgetter(1, 0))
 
 
 def _results(registry: Registry) -> Iterator[Row]:
-    for record in [registry.result(i) for i in registry.ids("result")]:
+    for identity, record in _read(registry, "result", registry.result):
+        if record is None:
+            yield identity, DAMAGED, "", {}
+            continue
         detail = {"recording": _name_of(registry, record.recording_id)} if record.recording_id else {}
         detail |= {name: record.document[name] for name in TELLING if record.document.get(name) is not None}
         detail |= _tested(record.document) | _score(record.document)
         yield record.id, record.kind, record.document.get("robot", ""), detail
+
+
+def _read(
+    registry: Registry, kind: str, read: Callable[[str], Stored]
+) -> Iterator[tuple[str, Stored | None]]:
+    """The things of a kind by id; None for one that is damaged, of which a warning tells (`Damaged`)."""
+    for identity in registry.ids(kind):
+        try:
+            yield identity, read(identity)
+        except CorruptError as error:
+            warnings.warn(f"{kind} {identity[:12]} cannot be read: {error.problem}", Damaged, 2)
+            yield identity, None
 
 
 def _name_of(registry: Registry, recording: str) -> str:

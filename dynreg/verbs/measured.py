@@ -26,10 +26,11 @@ KEPT = "models"  # the folder of the cache that keeps the models of recordings
 
 
 def register_measured(asked: Recorded, population: Population, *, threads: int = 0) -> str | None:
-    """The id of a recording's entry in a population: its model, trained on all of it, stored where it was not.
+    """The id of a recording's entry in a population: its model, trained on rows from all of it, stored if it was not.
 
-    None where it has no model: its control is timed, too few of its rows were measured, its loss
-    is no number, or it is not stored itself.
+    A fifth of the rows is held out for its own loss, as of every entry; `own_model` thins the others.
+    None where it has no model: its control is timed, too few of its rows were measured, its loss is no number, or it is
+    not stored itself.
     """
     registry, recording, shared = asked.registry, asked.recording, population.shared
     if not registry.holds(recording.id):
@@ -52,8 +53,8 @@ def register_measured(asked: Recorded, population: Population, *, threads: int =
 def kept_model(registry: Registry, population_id: str) -> OwnModel:
     """Gives the model of a recording's rows in a population: trained once, and kept for whoever asks with these rows.
 
-    A query that holds rows out trains on the others, so that the stored entry of a recording, which saw all of it, is
-    not asked.
+    A query that holds rows out trains on the others, so that the stored entry of a recording, which had rows from
+    all of it, is not asked.
     """
 
     def model(shared: Shared, rows: Rows, threads: int) -> MlpStack:

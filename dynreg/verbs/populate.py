@@ -204,5 +204,5 @@ def with_effects(
         seconds=time.perf_counter() - began,
         simulate_seconds=watch.seconds["simulate"],
         train_seconds=watch.seconds["train"],
-        recording=_recorded_last(registry, robot),
+        recording=like.name,
     )

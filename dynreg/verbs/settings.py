@@ -226,6 +226,21 @@ def options(kind: type[Settings]) -> Iterator[tuple[Field, Option]]:
     return ((one, one.metadata[_OPTION]) for one in fields(kind))
 
 
+def flags(settings: Settings, without: Collection[str] = ()) -> list[str]:
+    """What a command line tells for these settings: those that differ from the usual ones, but `without` some."""
+    out: list[str] = []
+    for one, how in options(type(settings)):
+        value = getattr(settings, one.name)
+        if value == one.default or how.flag is None or one.name in without:
+            continue
+        flag = how.flag_of(one.name)
+        if isinstance(value, bool):
+            out.append(flag if value else f"--no-{flag.removeprefix('--')}")
+        else:
+            out += [flag, ",".join(map(str, value)) if isinstance(value, tuple) else str(value)]
+    return out
+
+
 def optional(one: Field) -> bool:
     """Whether a setting may be None."""
     return type(None) in get_args(one.type)

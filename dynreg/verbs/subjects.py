@@ -16,6 +16,7 @@ from dynreg.errors import (
     NoMatchError,
     RobotError,
     UsageError,
+    command,
 )
 from dynreg.folder import expanded
 from dynreg.registry import PopulationRecord, RecordingInfo, Registry, ResultRecord, RobotInfo
@@ -45,13 +46,14 @@ def loaded_robot(
     try:
         return load_robot(robot, ranges)
     except RobotError:
-        kept = None if registry is None or _exists(robot) else _kept_folder(registry, str(robot))
+        kept = None if registry is None or exists(robot) else _kept_folder(registry, str(robot))
         if kept is None:
             raise
         return load_robot(kept, ranges)
 
 
-def _exists(path: str | Path) -> bool:
+def exists(path: str | Path) -> bool:
+    """Whether something lies at a path; False for a word that can be none."""
     try:
         return expanded(path).exists()
     except (OSError, ValueError):
@@ -295,12 +297,19 @@ def word_for(registry: Registry, info: RobotInfo) -> str:
     """A registered robot on the command line: its name where that means this one, else a prefix of its hash."""
     from dynreg.sim.robot import packaged_robots
 
-    taken = info.name in packaged_robots() or _exists(info.name)
+    taken = info.name in packaged_robots() or exists(info.name)
     if taken:
         means = loaded_robot(info.name).hash if info.name in packaged_robots() else None
     else:
         means = registry.robot_versions(info.name)[-1].hash
     return info.name if means == info.hash else info.hash[:12]
+
+
+def word_of(asked: Recorded) -> str:
+    """The robot that a recording is asked with, on the command line."""
+    versions = asked.registry.robot_versions(asked.robot.name)
+    mine = next((info for info in versions if info.hash == asked.robot.hash), None)
+    return asked.robot.hash[:12] if mine is None else word_for(asked.registry, mine)
 
 
 def register(registry: Registry, robot: "Robot", recording: "Recording", name: str | None = None) -> str:
@@ -390,10 +399,12 @@ def population_for(asked: Recorded, ref: str | None) -> tuple[str, int]:
             _tell_other(asked, record)
     count = registry.count(record.id)
     if count == 0:
+        word = word_for(registry, _version(registry, record.robot_hash))
+        seeded = ("--seed", record.seed) if record.seed else ()
         raise NoMatchError(
             f"population {record.id[:12]} has no entries yet",
             expected="at least one simulator",
-            do=f"run `dynreg populate {word_for(registry, _version(registry, record.robot_hash))} -n {record.size}`",
+            do=f"run `{command('populate', word, '-n', record.size, *seeded)}`",
         )
     return record.id, count
 
@@ -433,11 +444,10 @@ def _no_population(asked: Recorded, older: Sequence[PopulationRecord]) -> NoMatc
         count = registry.count(last.id)
         what = f"{mine}; version {versions[last.robot_hash].version} has {count}"
         size, instead = last.size, f", or add --population {last.id[:12]} to use those"
-    word = robot.hash[:12] if mine is None else word_for(registry, mine)
     return NoMatchError(
         f"no simulators of {what}",
         expected=f"a population of the recording's robot in {str(registry.path)!r}",
-        do=f"run `dynreg populate {word} -n {size}`{instead}",
+        do=f"run `dynreg populate {word_of(asked)} -n {size}`{instead}",
     )
 
 
@@ -453,7 +463,7 @@ def _registered(
     try:
         identity = registry.resolve(str(recording), ("recording",))[1]
     except NoMatchError:
-        if not Path(recording).exists():
+        if not exists(recording):
             raise
         if robot is None:
             raise UsageError(

@@ -130,7 +130,7 @@ def trial(asked: "Built", settings: TrialSettings, progress: Progress | None = N
 def _key(robot: "Robot", settings: TrialSettings, needed: Mapping[str, Any]) -> dict[str, Any]:
     """What makes the results of robots these: all but what does the work."""
     from dynreg.diagnose.threshold import SEARCH
-    from dynreg.verbs.accepted import versions
+    from dynreg.sim.versions import versions
 
     how = {
         name: value

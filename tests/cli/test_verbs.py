@@ -7,7 +7,9 @@ import made_up_results
 import pytest
 import tiny_registry
 
+from dynreg.cli.call import Call, Shared
 from dynreg.cli.schemas import model_of
+from dynreg.errors import NoMatchError
 from dynreg.registry import ResultRecord
 
 VERBS = {
@@ -70,6 +72,52 @@ def test_a_population_of_a_robot_with_a_recording_is_asked_about_it_next(dynreg,
     assert "next: dynreg ingest LOG --robot servo_pendulum" in dynreg(*told).out
     session.answers["populate"] = session.answers["populate"].model_copy(update={"recording": "monday"})
     assert "next: dynreg query monday" in dynreg(*told).out
+
+
+def test_the_command_after_a_dry_run_makes_what_was_told(dynreg, session) -> None:
+    session.answers["take_away"] = None
+    told = "populate servo_pendulum -n 8 --seed 3 --no-link".split()
+    assert f"next: dynreg {' '.join(told)}\n" in dynreg(*told, "--dry-run").out
+
+
+def test_a_population_with_effects_is_asked_by_its_id(dynreg, session) -> None:
+    found = session.answers["populate"].model_copy(update={"recording": "monday"})
+    session.answers["populate"] = found
+    ended = dynreg(*"populate servo_pendulum -n 400 --effects --like monday".split())
+    assert f"next: dynreg query monday --population {found.population[:12]}\n" in ended.out
+
+
+def test_an_error_names_the_registry_and_the_settings_that_were_told(dynreg, session, tmp_path) -> None:
+    (tmp_path / "lab.toml").write_text("k = 4\n")
+    problem = NoMatchError(
+        "no simulators", expected="some", do="run `dynreg populate arm -n 9`, or use others"
+    )
+    session.answers["query"] = problem
+    told = dynreg("query", "monday", "--registry", "of the lab", "--settings", str(tmp_path / "lab.toml")).err
+    assert (
+        f"run `dynreg populate arm -n 9 --settings {tmp_path / 'lab.toml'} --registry 'of the lab'`, or"
+        in told
+    )
+
+
+def test_flags_stand_before_a_remark_and_inside_backticks() -> None:
+    here = Call(Shared(registry=Path("lab")), None).here
+    assert here("dynreg compare monday  # no better") == "dynreg compare monday --registry lab  # no better"
+    assert here("play it, then `dynreg ingest LOG`") == "play it, then `dynreg ingest LOG --registry lab`"
+    assert here("dynreg list --registry other") == "dynreg list --registry other"
+    assert here("install dynreg anew, see `dynreg --help`") == "install dynreg anew, see `dynreg --help`"
+
+
+def test_what_is_not_stored_is_not_named_next(dynreg, session, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("dynreg.registry.opening.may_write", lambda path: False)
+    assert "next:" in dynreg("query", "monday", "--registry", tmp_path / "none").out
+    assert "next:" not in dynreg("query", "monday", "--registry", tmp_path).out
+
+
+def test_a_word_that_is_no_path_is_no_bug(dynreg, session) -> None:
+    session.answers["query"] = NoMatchError("nothing", expected="a recording", do="see `dynreg list`")
+    ended = dynreg("query", "a" * 300, "--robot", "servo_pendulum")
+    assert ended.status == 4 and "bug" not in ended.err
 
 
 def test_ingest_reads_the_log_before_it_makes_a_registry(dynreg, session) -> None:

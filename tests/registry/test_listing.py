@@ -1,9 +1,12 @@
 """What a registry holds is listed in a stated order: as it came, or by name."""
 
+import pytest
 from registry_contents import POPULATION, ROBOT, fill, make_measured, make_recording
 
+from dynreg.errors import Damaged
 from dynreg.registry import Registry
 from dynreg.verbs.list import KINDS, listing
+from dynreg.verbs.remove import remove
 
 
 def names(registry: Registry, kind: str) -> list[str]:
@@ -29,3 +32,27 @@ def test_recordings_and_results_stand_as_they_came_and_others_by_name(path, robo
         assert simulators[0].startswith("arm nominal") and simulators[-1].startswith("leg synthesised")
         kinds = [item.kind for item in listing(registry).items]
         assert kinds == sorted(kinds, key=KINDS.index) and listing(registry).items[0].id == POPULATION
+
+
+def put(registry: Registry, kind: str, number: int) -> str:
+    if kind == "result":
+        return registry.put_result("diagnosis", None, {"k": number})
+    return registry.put_simulator({"robot_name": "arm", "values": {"mass": float(number)}})
+
+
+@pytest.mark.parametrize("kind", ["result", "simulator"])
+def test_what_is_damaged_is_listed_and_can_be_removed(kind, path, robot) -> None:
+    with Registry.open(path, create=True) as registry:
+        fill(registry, robot)
+        sound = put(registry, kind, 1)
+        before = {*(path / f"{kind}s").iterdir()}
+        damaged = put(registry, kind, 2)
+        (file,) = {*(path / f"{kind}s").iterdir()} - before
+        file.write_bytes(b"junk")
+    with Registry.open(path) as registry:
+        with pytest.warns(Damaged, match=f"{kind} {damaged[:12]} cannot be read"):
+            told = {item.id: item.name for item in listing(registry, kind).items}
+        assert told[damaged] == "damaged" and told[sound] != "damaged"
+        with pytest.warns(Damaged):
+            assert [item.id for item in remove(registry, [damaged]).items] == [damaged]
+        assert [item.id for item in listing(registry, kind).items] == [sound]

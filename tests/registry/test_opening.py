@@ -189,6 +189,7 @@ def test_what_was_opened_in_vain_is_taken_away(tmp_path, robot):
     for folder in (new, stored):
         made = Registry.open(folder, create=True)
         made.put_robot(robot, ROBOT, "arm")
+        made.cache("robot_check", {"robot": ROBOT}, {"errors": ["no"]})
         if folder == stored:
             made.put_recording(make_recording(1), ROBOT)
         made.take_away()

@@ -19,9 +19,9 @@ from dynreg.report.html import page
 from dynreg.report.tables import render
 from dynreg.results import Calibration
 from dynreg.session import Session
+from dynreg.sim import versions
 from dynreg.sim.real import SimulatedRobot
 from dynreg.sim.robot import Robot, load_robot
-from dynreg.verbs import accepted
 from dynreg.verbs.scored_folder import ScoredFolder, read_score
 
 TINY = Rules(
@@ -289,7 +289,7 @@ def test_trials_outlive_another_version_of_what_simulates(
     with pytest.raises(KeyboardInterrupt):
         calibrated(opened, brief, first)
     played = by_reality.Played.__call__
-    monkeypatch.setattr(accepted, "version", lambda name: "9.9")
+    monkeypatch.setattr(versions, "version", lambda name: "9.9")
     monkeypatch.setattr(by_reality.Played, "__call__", lambda self, *told: -played(self, *told))
     calibrated(opened, brief, second, resume=True)
     assert "trial_1" not in second.names, "simulations that trials followed from are not run again"

@@ -98,6 +98,16 @@ def test_entries_do_not_carry_over_to_other_commands(session, grown) -> None:
         session.query("tuesday", population=grown[0])
 
 
+def test_settings_that_mean_nothing_to_it_are_refused(session, grown) -> None:
+    with pytest.raises(UsageError, match="--no-replay --hold-out 0.25 with population"):
+        session.query("monday", hold_out="0.25", replay=False)
+    assert session.query("monday", k=3, distance="one_sided").k == 3
+
+
+def test_it_is_not_counted_as_simulators_to_ask(session, grown) -> None:
+    assert session.ingest(recording_of(5, "torque_limit"), ROBOT, name="monday").simulators == 0
+
+
 def test_it_is_no_population_of_models(session, grown) -> None:
     asked = recorded(session.registry, "monday", None, None, ingest=False)
     with pytest.raises(UsageError, match="no models"):

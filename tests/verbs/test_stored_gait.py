@@ -19,11 +19,11 @@ from dynreg.gait.space import gait_space
 from dynreg.results import Gait, Neighbour
 from dynreg.search.table import SEARCHES
 from dynreg.session import Session
+from dynreg.sim import versions
 from dynreg.sim.config import SimConfig
 from dynreg.sim.excitation import excitation
 from dynreg.sim.real import SimulatedRobot
 from dynreg.sim.robot import load_robot
-from dynreg.verbs import accepted
 from dynreg.verbs.gait import MANY, MEETS, SOURCES, GaitSettings
 from dynreg.verbs.gait import ROLLOUTS as ROLLOUTS_IN_DRAWS
 from dynreg.verbs.simulator import NAMES
@@ -359,7 +359,7 @@ def test_a_search_that_runs_is_not_begun_beside_itself(opened: Session) -> None:
 def test_what_other_versions_searched_is_run_again(opened: Session, monkeypatch: pytest.MonkeyPatch) -> None:
     settings = {"on": "nominal", "rollouts": ROLLOUTS, "seed": 11, "threads": 1}
     interrupted(opened, **settings)
-    monkeypatch.setattr(accepted, "version", lambda name: "9.9")
+    monkeypatch.setattr(versions, "version", lambda name: "9.9")
     with pytest.warns(Assumed, match="gaits of an interrupted search were run by .*: they are run again"):
         assert opened.gait("log", **settings, resume=True).resumed == 0
 
