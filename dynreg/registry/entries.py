@@ -124,7 +124,10 @@ def _check_ids(connection: Connection, population_id: str, start: int, ids: Sequ
             expected=f"entry {held[changed[0]][:12]} under this number, not {ids[changed[0] - start][:12]}",
             do="compute it with the versions and the seed that the population was begun with",
         )
-    known = dict(connection.execute(select(table.c.id, table.c.number).where(table.c.id.in_(ids))).all())
+    known: dict[str, int] = {}
+    for at in range(0, len(ids), tables.AT_ONCE):
+        among = table.c.id.in_(ids[at : at + tables.AT_ONCE])
+        known.update(connection.execute(select(table.c.id, table.c.number).where(among)).all())
     numbered = [(entry, start + i) for i, entry in enumerate(ids)]
     twice = [(entry, n) for entry, n in numbered if known.setdefault(entry, n) != n]
     if twice:

@@ -94,7 +94,8 @@ def near_measured(
     apart = DISTANCES[distance].to_models(query, stack_of([model for _, _, model in sound]))
     if apart is None:
         return ()
-    near = sorted((far, (r, e)) for far, (r, e, _) in zip(apart.tolist(), sound, strict=True))[:k]
+    each = zip(apart.tolist(), sound, strict=True)
+    near = sorted((far, (r, e)) for far, (r, e, _) in each if math.isfinite(far))[:k]  # a model may diverge
     return tuple(
         MeasuredNeighbour(entry=entry, recording=r, name=registry.recording_info(r).name, distance=far)
         for far, (r, entry) in near

@@ -12,7 +12,7 @@ from dynreg.data.recording import Channel
 from dynreg.data.trajectories import Columns
 from dynreg.distance.cross_loss import Judged
 from dynreg.distance.population import Entries, Population, Shared, Training
-from dynreg.errors import CorruptError, NoMatchError
+from dynreg.errors import CorruptError, DiffersError, NoMatchError
 from dynreg.executor import Executor
 from dynreg.index import Graph
 from dynreg.neighbours.entries import (
@@ -58,17 +58,34 @@ def begin(
     accept(registry, robot)
     registry.put_robot(robot.files, robot.hash, robot.name)
     known = _held(registry, identity)
-    if known is not None:
-        if plan.n > known.size:
-            registry.put_population(replace(known, size=plan.n))
-        return identity
-    report("base model", 0, 1)
-    with watch.of("base"):
-        shared = make_shared(robot, plan.seed, plan.training, plan.threads)
-    report("base model", 1, 1)
+    if known is None:
+        report("base model", 0, 1)
+        with watch.of("base"):
+            shared = make_shared(robot, plan.seed, plan.training, plan.threads)
+        report("base model", 1, 1)
+        known = _first(registry, record_of(robot, plan, shared))
+    if plan.n > known.size:
+        registry.put_population(replace(known, size=plan.n))
+    return identity
+
+
+def _first(registry: Registry, record: PopulationRecord) -> PopulationRecord:
+    """The population as it was registered first: another processor may make other last bits."""
+    try:
+        registry.put_population(record)
+    except DiffersError:
+        known = _held(registry, record.id)
+        if known is None:
+            raise
+        return known
+    return record
+
+
+def record_of(robot: Robot, plan: Plan, shared: Shared) -> PopulationRecord:
+    """A new population, with what its entries share."""
     columns = columns_of(robot)
-    record = PopulationRecord(
-        id=identity,
+    return PopulationRecord(
+        id=population_id(robot, plan.seed, plan.training),
         robot_hash=robot.hash,
         name=robot.name,
         channels=columns.states,
@@ -83,8 +100,6 @@ def begin(
         settings=columns.settings,
         parameter_units=tuple(p.unit for p in robot.space.parameters),
     )
-    registry.put_population(record)
-    return identity
 
 
 def columns_of(robot: Robot) -> Columns:

@@ -124,6 +124,22 @@ def test_a_populate_waits_for_what_another_one_has_claimed(registry, monkeypatch
     assert fill_in == [8], "it did the rest first, and waited once"
 
 
+def test_the_base_model_that_was_registered_first_counts(registry, monkeypatch):
+    """Another machine, whose processor rounds in another way, trained it meanwhile."""
+    put, theirs = Registry.put_population, {}
+
+    def after_another(self, record):
+        monkeypatch.setattr(Registry, "put_population", put)
+        theirs.update({name: np.nextafter(a, a.dtype.type(9)) for name, a in record.arrays.items()})
+        self.put_population(replace(record, size=4, arrays=theirs))
+        self.put_population(record)
+
+    monkeypatch.setattr(Registry, "put_population", after_another)
+    assert fill(registry, 8) == 8
+    held = registry.population(POPULATION)
+    assert held.size == 8 and all((held.arrays[name] == array).all() for name, array in theirs.items())
+
+
 def test_other_seeds_ranges_and_training_are_other_populations():
     robot = load_robot("servo_pendulum")
     narrower = replace(robot, space=robot.space.with_ranges({"tip_mass": (0.45, 0.55)}))
