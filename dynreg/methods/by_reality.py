@@ -74,8 +74,11 @@ class ByReality:
     """
 
     def fit(self, question: Question, evidence: Evidence, limits: Limits) -> Answer:
-        """Its last simulator and best gait. Raises NoMatchError where no gait stood, BudgetError where none may be
-        tried."""
+        """Its last simulator and best gait.
+
+        Raises NoMatchError where no gait stood, BudgetError where none may be tried, UsageError for a gait that passes
+        the robot's limits, before it moves.
+        """
         trying = evidence.trying
         door, robot = trying.robot, trying.robot.robot
         played = Played(robot, door.task, limits.seed, limits.threads)
@@ -89,9 +92,15 @@ class ByReality:
         def trial(gait: np.ndarray) -> Outcome:
             return door.try_out(played.commands(gait), robot.rate)
 
+        kept = Journalled(lambda: door.begin(whole), trial, door.again, limits.journal("trials"), door.keeps)
+
+        def checked(gait: np.ndarray) -> Outcome:
+            played.space.require(played.genes(gait[None])[0])  # before it counts as a trial
+            return kept(gait)
+
         world = World(
             played,
-            Journalled(lambda: door.begin(whole), trial, door.again, limits.journal("trials"), door.keeps),
+            checked,
             lambda step: stream(limits.seed, "btr", robot.name, step),
             limits.journal,
             played.space.periodic,
