@@ -42,7 +42,7 @@ class CalibrateSettings(Settings):
     """
 
     method: str = option("cma", "How the simulator is found.", choices=tuple(METHODS), old=FORMER)
-    seed: int = seed()
+    seed: int = seed("; `nearest`, `synthesis` and `ttest` do not use it")
     budget: int | None = option(
         None,
         "Most simulations; those by which `nearest` and `synthesis` rank entries, and those that describe the gait of"
@@ -148,7 +148,7 @@ def calibrate(
     """Adapt a simulator to a recording by one of many methods.
 
     A search fits all parameters at once and begins at the nominal values, or where --start says; its answer is never
-    worse than these on the train part. `staged` fits them in stages, by a plan. `nearest` and `synthesis` take
+    worse than these on the train part. `random` tries these and draws from the whole range. `staged` fits them in stages, by a plan. `nearest` and `synthesis` take
     registered simulators. `diagnose` also looks for physical causes. `ttest` fits wheels by a table that follows a
     robot which changes. The answer has the same form for all, so that they can be compared. `btr` is asked about a
     robot instead: it tries gaits there, and needs no recording, just a score of each trial.
