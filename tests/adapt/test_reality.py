@@ -1,6 +1,7 @@
 """Back to Reality over a toy: a gait scores by how near it is to what the robot hides, and some gaits fall."""
 
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -514,6 +515,9 @@ def test_no_more_simulations_are_run_than_the_budget_allows(share: float) -> Non
         ({"stand": 0}, "stand = 0; expected 1 or more"),
         ({"steps": -1}, "steps = -1; expected 0 or more"),
         ({"variations": 1}, "variations = 1; expected 2 or more"),
+        ({"first": 0.1 * 600}, "first = 60.0; expected a whole number, 1 or more"),
+        ({"stand": 2.5}, "stand = 2.5; expected a whole number, 1 or more"),
+        ({"steps": "3"}, "steps = 3; expected a whole number, 0 or more"),
         ({"lost": 1.0}, "lost = 1.0; expected a share"),
         ({"mutation": 0.0}, "mutation = 0.0; expected a share"),
         ({"enough": float("nan")}, "enough = nan; expected a share"),
@@ -527,6 +531,11 @@ def test_no_more_simulations_are_run_than_the_budget_allows(share: float) -> Non
 def test_sizes_that_make_no_sense_are_refused(wrong: dict, message: str) -> None:
     with pytest.raises(UsageError, match=message):
         Rules(**wrong)
+
+
+def test_whole_numbers_of_numpy_are_sizes_that_a_journal_can_keep() -> None:
+    rules = Rules(first=np.int64(7), stand=np.int32(3))
+    assert rules == Rules(first=7, stand=3) and json.loads(json.dumps(asdict(rules))) == asdict(rules)
 
 
 def test_a_difference_that_is_negative_at_first_does_not_end_the_search_for_a_simulator() -> None:
