@@ -63,7 +63,8 @@ class Rules:
                 _refuse(f"{name} = {getattr(self, name)}", f"a whole number, {least} or more")
             if size < least:
                 _refuse(f"{name} = {size}", f"{least} or more")
-            object.__setattr__(self, name, size)  # NumPy's whole numbers are none of JSON, by which a run is kept
+            # NumPy's are none of JSON, by which a run is kept
+            object.__setattr__(self, name, size)
         for name in ("enough", "lost", "mutation"):
             if not 0 < getattr(self, name) < 1:
                 _refuse(f"{name} = {getattr(self, name)}", "a share between 0 and 1")

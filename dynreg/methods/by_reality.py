@@ -87,7 +87,7 @@ class ByReality:
             door.begin(whole)  # BudgetError before time is spent on a gait
         rules = (trying.rules or Rules()).within(limits.simulations)
         start = robot.space.nominal if question.start is None else question.start
-        free = np.flatnonzero(np.isnan(nominal_known(robot)))
+        free = np.isnan(nominal_known(robot))
 
         def trial(gait: np.ndarray) -> Outcome:
             return door.try_out(played.commands(gait), robot.rate)
@@ -108,7 +108,9 @@ class ByReality:
             limits.progress or (lambda *_: None),
         )
         gaits = played.space.to_unit(trying.gaits)
-        found = back_to_reality(world, rules, gaits, np.clip(robot.space.to_unit(start), 0.0, 1.0), free)
+        found = back_to_reality(
+            world, rules, gaits, np.clip(robot.space.to_unit(start), 0.0, 1.0), np.flatnonzero(free)
+        )
         if found.best is None:
             _none_stood(door.name, len(found.tried), found.ended)
         return Answer(
@@ -117,6 +119,7 @@ class ByReality:
             played.rollouts + found.resumed,
             (played.rollouts + found.resumed) * whole,
             resumed=found.resumed,
+            free=free,
             tried=found.tried,
             best=found.best,
             gait=played.genes(found.best.gait[None])[0],

@@ -62,7 +62,8 @@ class ByTTest:
             if limits.progress:
                 limits.progress("calibrate", number + 1, len(turns))
         causes = tuple(versions[-1].effects)
-        return Answer(tuple(versions), ended, simulators.ran, simulators.seconds, causes=causes)
+        free = np.isin(np.arange(len(question.begin)), folder.free)
+        return Answer(tuple(versions), ended, simulators.ran, simulators.seconds, causes=causes, free=free)
 
 
 def _best(pieces: Displaced, apart: np.ndarray) -> tuple[Samples, list[_Turn]]:

@@ -196,7 +196,9 @@ SMALL = Tournament(3)  # of a small population
 
 def begin_plain(start: Start) -> BitGenetic:
     """A small population, for budgets of hundreds; what is known is one of the first generation."""
-    return BitGenetic(start.dimensions, rng=start.rng, population=start.batch, selection=SMALL, seeds=_of(start))
+    return BitGenetic(
+        start.dimensions, rng=start.rng, population=start.batch, selection=SMALL, seeds=_of(start)
+    )
 
 
 def begin_operon(start: Start) -> Operon:

@@ -270,7 +270,7 @@ def _told_apart(
     And how many simulations that took. A recording that cannot be fitted alone has a note in place of its values.
     """
     from dynreg.diagnose.refit import fit_alone, refits, with_own_effects
-    from dynreg.evidence.lockstep import counted, one_blas_thread, run
+    from dynreg.evidence.lockstep import counted, run
     from dynreg.results.sentence import diagnosis_sentence
     from dynreg.verbs.diagnosis_words import not_fitted_alone
     from dynreg.verbs.refits import told

@@ -210,7 +210,8 @@ def test_calibrate_passes_its_options_on(dynreg, session) -> None:
     }
 
 
-QUESTIONS = {"newest": "another", "c0ffee": "own", "oldest": "own"}  # of stored calibrations, the newest first
+# of stored calibrations, the newest first
+QUESTIONS = {"newest": "another", "c0ffee": "own", "oldest": "own"}
 
 
 def test_calibrate_takes_a_robot_and_a_folder_for_its_trials(dynreg, session) -> None:
