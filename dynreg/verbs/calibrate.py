@@ -150,9 +150,9 @@ def calibrate(
     A search fits all parameters at once and begins at the nominal values, or where --start says; its answer is never
     worse than these on the train part. `random` tries these and draws from the whole range. `staged` fits them in
     stages, by a plan. `nearest` and `synthesis` take registered simulators. `diagnose` also looks for physical causes.
-    `ttest` fits wheels by a table that follows a robot which changes. The answer has the same form for all, so that they
-    can be compared. `btr` is asked about a robot instead: it tries gaits there, and needs no recording, just a score of
-    each trial.
+    `ttest` fits wheels by a table that follows a robot which changes. The answer has the same form for all, so that
+    they can be compared. `btr` is asked about a robot instead: it tries gaits there, and needs no recording, just a
+    score of each trial.
 
     Every simulator on the way is registered, with its parent and what shaped it. An interrupted search resumes with
     --resume; of one that has ended the stored result is given.
