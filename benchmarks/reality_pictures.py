@@ -27,6 +27,7 @@ NAMES = {
     "ga": "GA of paper A",
     "hill": "hill climber",
     "policy": "policy gradient",
+    "cma": "CMA-ES",
 }
 
 
@@ -65,7 +66,9 @@ def rising(axes: plt.Axes, cells: dict[str, dict], unit: float) -> None:
     for name in NAMES:
         if "history" in cells.get(name, {}):
             curves[name] = tuple(np.array(cells[name]["history"]).T)
-    for (name, (trials, best)), dashes in zip(curves.items(), ("-", "-", "--", ":", "-."), strict=False):
+    for (name, (trials, best)), dashes in zip(
+        curves.items(), ("-", "-", "--", ":", "-.", (0, (1, 3))), strict=False
+    ):
         color = REAL if name == "btr" else OTHER
         axes.step(trials, unit * best, where="post", color=color, ls=dashes, label=NAMES[name])
     axes.set(title="best trial so far on the robot", xlabel="trials", ylabel="speed [cm/s]")

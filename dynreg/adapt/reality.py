@@ -39,6 +39,7 @@ from dynreg.search.table import SEARCHES
 NEAR = 0.99 * grid(BYTE)  # of the range: two codes of step 1 are farther apart
 BESIDE = 0.05  # of the range, 1 sigma, between a simulator and those beside it: our choice
 FEWEST = 2  # gaits that stood on the robot, with which a simulator can be adapted
+KNOWN = 0.5  # of the gaits that must stand in step 2: so many at most are gaits to begin with. Our choice
 
 
 def back_to_reality(
@@ -51,9 +52,9 @@ def back_to_reality(
 ) -> Reached:
     """Steps 1 to 5, from a simulator (P,) of which the numbers `free` (F,) are adapted.
 
-    gaits : (n, G) that the robot is known to run, or none; they are tried first. seeds : (n, G) for the first
-    generation of step 1, such as those of a goal nearby; nobody knows whether the robot can run them. It ends when the
-    goal is met, at the last iteration, or when the budget of the robot is spent.
+    gaits : (n, G) that the robot may be known to run, or none; they are tried first, until a share of `KNOWN` stood.
+    seeds : (n, G) for the first generation of step 1, such as those of a goal nearby; nobody knows whether the robot
+    can run them. It ends when the goal is met, at the last iteration, or when the budget of the robot is spent.
     """
     seeds = gaits[:0] if seeds is None else seeds
     run = _Run(world, rules, gaits, seeds, free, [Adapted(simulator, 0, START)])
@@ -105,8 +106,9 @@ class _Run:
         here = self.tried[first:]
         if self.met:
             return True
+        proposed = [one for one in here if one.simulated is not None]
         # a budget may end with the falls that it allows: so few gaits say nothing of the simulator
-        if over is None and sum(one.fell for one in here) >= self.rules.lost * len(here) > 0:
+        if over is None and sum(one.fell for one in proposed) >= self.rules.lost * len(proposed) > 0:
             self.disengage(number)
         else:
             self.adapt(number, [one for one in here if not one.fell])
@@ -187,8 +189,8 @@ class _Run:
     def transfer(self, number: int, candidates: Sequence[tuple[np.ndarray, float | None]]) -> None:
         """Step 2: gaits are tried until enough stood, or so many fell that there is no hope, or the goal is met.
 
-        None is tried twice: gaits that are nearer than the codes of step 1 are taken for one, such as a gait and its
-        code.
+        Gaits to begin with leave room for those of the simulator, and where they fall, this says nothing of it. None
+        is tried twice: gaits that are nearer than the codes of step 1 are taken for one, such as a gait and its code.
         """
         if not candidates:
             return
@@ -198,11 +200,13 @@ class _Run:
         for (gait, simulated), as_played in zip(candidates, played, strict=True):
             if stood == stand or fell >= stand * lost / (1.0 - lost):
                 return
+            if simulated is None and stood >= int(KNOWN * stand):
+                continue
             if here and self.world.apart(as_played, np.array(here)).min() < NEAR:
                 continue
             here.append(as_played)
             one = self.try_out(gait, number, TRANSFER, self.rules.repeats, simulated)
-            stood, fell = stood + (not one.fell), fell + one.fell
+            stood, fell = stood + (not one.fell), fell + (one.fell and simulated is not None)
             self.world.progress(f"robot {number}", stood, stand)
             if self.met:
                 return

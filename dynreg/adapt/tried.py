@@ -1,9 +1,11 @@
 """The nouns of Back to Reality: the sizes of its steps, gaits on the robot, and simulators on the way."""
 
 import math
+import operator
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import NoReturn
 
 import numpy as np
 
@@ -55,8 +57,14 @@ class Rules:
 
     def __post_init__(self) -> None:
         for name, least in LEAST.items():
-            if not getattr(self, name) >= least:
-                _refuse(f"{name} = {getattr(self, name)}", f"{least} or more")
+            try:
+                size = operator.index(getattr(self, name))
+            except TypeError:
+                _refuse(f"{name} = {getattr(self, name)}", f"a whole number, {least} or more")
+            if size < least:
+                _refuse(f"{name} = {size}", f"{least} or more")
+            # NumPy's are none of JSON, by which a run is kept
+            object.__setattr__(self, name, size)
         for name in ("enough", "lost", "mutation"):
             if not 0 < getattr(self, name) < 1:
                 _refuse(f"{name} = {getattr(self, name)}", "a share between 0 and 1")
@@ -100,7 +108,7 @@ class Rules:
         return gaits + simulators * self.stand
 
 
-def _refuse(problem: str, expected: str) -> None:
+def _refuse(problem: str, expected: str) -> NoReturn:
     raise UsageError(problem, expected=expected, do="correct it")
 
 

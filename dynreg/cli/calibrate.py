@@ -10,7 +10,7 @@ from dynreg.cli.completion import recording_names
 from dynreg.cli.options import MapOfLog, Page, RobotOfLog
 from dynreg.cli.output import say
 from dynreg.cli.told import naming
-from dynreg.verbs.calibrate import TRYING, CalibrateSettings
+from dynreg.verbs.calibrate import TRYING, CalibrateSettings, answered
 
 FLAGS = {"robot_door": "--trial", "gait": "--gait", "robot": "--robot", "log_map": "--map"}
 
@@ -54,8 +54,8 @@ def calibrate(
     with naming(FLAGS), opened as session, call.progress() as progress:
         result = session.calibrate(given, **vars(settings), **told, say=say, progress=progress)
         # about no recording, so `dynreg show @last` does not lead to it
-        stored = session.registry.latest(result.schema_name()).id if settings.tries else None
-    call.emit_and_write(result, report, stored)
+        stored = answered(session.registry, None, result.question) if settings.tries else None
+    call.emit_and_write(result, report, stored and stored.id)
 
 
 def _require_recording(given: str | list[str], method: str) -> None:

@@ -7,7 +7,8 @@ once, and many searches advance together: a robot's own, those of its simulated 
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -112,17 +113,23 @@ def _next(left: deque[tuple[int, Ask]], most: int) -> tuple[list[int], list[Ask]
     return numbers, some
 
 
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Linear algebra on one thread: with more it would add in another order, and its matrices are small."""
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1, user_api="blas"):
+        yield
+
+
 def run(search: Search[T], *, threads: int = 1) -> T:
     """What a search finds; whatever it asks in one step is simulated as one batch.
 
     threads : of a batch, 0 for all cores; the numbers do not depend on it, nor on what else is in the batch.
-    Linear algebra has one thread meanwhile: with more it would add in another order, and its matrices are small.
-    Raises what the search raises, and as `rollouts` does.
+    Linear algebra has one thread meanwhile. Raises what the search raises, and as `rollouts` does.
     """
-    from threadpoolctl import threadpool_limits
-
     states = None
-    with threadpool_limits(1, user_api="blas"):
+    with one_blas_thread():
         while True:
             try:
                 asked = search.send(states)

@@ -177,8 +177,8 @@ class Family(ABC):
         if found := self.problems(smallest):
             raise RobotError(
                 f"no gait of robot {self.robot!r} keeps its limits: in the smallest, {found[0]}",
-                expected="[gait] with a gait within the limits of the joints and drives",
-                do="lengthen `ramp`, or change the ranges of [gait] or the limits in robot.toml",
+                expected="[gait] and [[motions]] with one within the limits of the joints and drives",
+                do="lengthen `ramp`, or change the ranges or the limits in robot.toml",
             )
 
     def faded(self, moving: np.ndarray, times: np.ndarray) -> np.ndarray:

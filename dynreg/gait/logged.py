@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -50,7 +49,7 @@ def trial_of(robot: Robot, log: Recording, actions: np.ndarray, rate: float) -> 
     fallen then: somebody stopped it. A log that was cut at gaps is read across them. The base begins where the settled
     nominal simulator has it, and looks ahead. The log's heights tell how it rises and sinks from there: a camera's zero
     need not be the ground. Its velocities are NaN where the log does not tell them. Raises LogError where the log does
-    not hold these commands, is silent for too long, or does not tell how the base moved.
+    not hold these commands, is silent for too long, at its end too, or does not tell how the base moved.
     """
     pieces = _found(robot, log, actions, rate)
     found = _as_one(pieces)
@@ -70,14 +69,15 @@ def trial_of(robot: Robot, log: Recording, actions: np.ndarray, rate: float) -> 
     base[:, :6] = np.stack([np.interp(times, motion.times[known], c) for c in pose.T], axis=1)
     for i, name in enumerate(BASE[6:], start=6):
         base[:, i] = _velocity(log, found, f"{base_of(robot)}/{name}", times)
-    ends = int(motion.times[known][-1] * rate + 1e-6)
+    ends = int(motion.times[-1] * rate + 1e-6)
     attitude = Rotation.from_euler("ZYX", base[:, 5:2:-1]).as_quat(scalar_first=True)
     fallen = np.flatnonzero(has_fallen(robot, np.concatenate([base[:, :3], attitude], axis=1)))
     stopped = ends + 1 if ends < WHOLE * steps else steps + 1
     fell = max(int(min([*fallen[:1], stopped])), 1)
     base[fell:] = base[fell - 1]  # it stays where it was before a fall
-    part = _between(pieces, found.time[0], found.time[0] + min(fell, steps) / rate)
-    _require_told(part, steps / rate)
+    end = min(fell, steps) / rate
+    _require_told(pieces, known, end, steps / rate)
+    part = _between(pieces, found.time[0], found.time[0] + end)
     return RealTrial(replace(log, episodes=part), Walk(base[None, None], np.array([[fell]]), 0))
 
 
@@ -155,12 +155,17 @@ def _between(pieces: Sequence[Episode], begin: float, end: float) -> tuple[Episo
     )
 
 
-def _require_told(pieces: Sequence[Episode], seconds: float) -> None:
-    """LogError where the gaps between the pieces of a trial of so many seconds are more than it may lack."""
-    lost = sum(after.time[0] - before.time[-1] for before, after in pairwise(pieces))
+def _require_told(pieces: Sequence[Episode], known: np.ndarray, end: float, seconds: float) -> None:
+    """LogError where the base is lost, or nothing is logged, for more of a trial of so many seconds than it may lack.
+
+    known : (T,) rows of the pieces that tell the base's pose. end : of what counts [s], from the first row on.
+    """
+    piece, times = np.repeat(np.arange(len(pieces)), [len(one.time) for one in pieces]), _as_one(pieces).time
+    told = known[1:] & (np.diff(piece) == 0)
+    lost = np.diff(times)[~told & (times[1:] - times[0] <= end + 1e-6)].sum()
     if lost > (1.0 - WHOLE) * seconds:
         raise LogError(
-            f"the log is silent for {lost:.2g} s of the trial",
+            f"the log is silent for {lost:.2g} s of the trial about the base's place and attitude",
             expected=f"{(1.0 - WHOLE) * seconds:.2g} s at most, of {seconds:.3g} s",
             do="give a log that holds more of it, or try this gait once more with a logger that keeps up",
         )

@@ -71,7 +71,9 @@ class Poses(Family):
         genes = ranged(robot, tuple(genes), table)
         if (least := genes[-1].low) <= 0.0:
             raise _unlike(robot, table, f"points = [{least:g}, {genes[-1].high:g}]", "bounds above 0")
-        return cls(**{**vars(made), "genes": genes})
+        made = cls(**{**vars(made), "genes": genes})
+        made.require_any(made._smallest)
+        return made
 
     def targets(self, genes: np.ndarray, times: np.ndarray) -> np.ndarray:
         knots, told = self.passed(genes)
@@ -103,14 +105,22 @@ class Poses(Family):
         """(n, G) motions as they are, where need be slower, and if that does not do, with poses nearer to rest."""
         genes = np.clip(genes, *self.bounds.T)
         genes[:, :-1] = np.clip(genes[:, :-1], *np.tile(self._limits(), (self.poses, 1)).T)
-        needed = self._needed(genes)
-        nearer = np.minimum(self.bounds[-1, 1] / np.maximum(needed, SLACK), 1.0)[:, None]
-        far = nearer[:, 0] < 1.0
-        rest = np.clip(self.rest, *self.bounds.T)[:-1]
-        genes[far, :-1] = (rest + nearer * (genes[:, :-1] - rest))[far]
+        needed, small, slowest = self._needed(genes), self._smallest, self.bounds[-1, 1]
+        least, far = self._needed(small[None]), needed > slowest
+        # what is needed grows no faster than along a line, on the way from the smallest motion
+        nearer = ((slowest - least) / np.maximum(needed - least, SLACK))[:, None]
+        genes[far, :-1] = (small[:-1] + nearer * (genes[:, :-1] - small[:-1]))[far]
         slow = needed > genes[:, -1]
-        genes[slow, -1] = np.minimum(needed, self.bounds[-1, 1])[slow]
+        genes[slow, -1] = np.minimum(needed, slowest)[slow]
         return genes
+
+    @property
+    def _smallest(self) -> np.ndarray:
+        """(G,) the slowest motion, through poses as near to rest as bounds and limits let them be."""
+        out = np.clip(self.rest, *self.bounds.T)
+        out[:-1] = np.clip(out[:-1], *np.tile(self._limits(), (self.poses, 1)).T)
+        out[-1] = self.bounds[-1, 1]
+        return out
 
     def problems(self, genes: np.ndarray) -> tuple[str, ...]:
         out = self.outside(genes)

@@ -42,6 +42,7 @@ class Answer:
     where nobody counted them. evaluations : distances. resumed : of the rollouts, those that an interrupted run had
     left. intervals : {parameter: (low, high)} of 90 %, of a method that tells any. causes : keys of the effects that it
     names; None of a method that looks for none. saw : names of what is held out that the method saw all the same.
+    free : (P,) which parameters it could move; None of all.
     tried : of a method that tries gaits on the robot, all of them. best : the one of them that it answers with; see
     `adapt.tried.best_of`. gait : (G,) its genes.
     """
@@ -55,6 +56,7 @@ class Answer:
     intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     causes: tuple[str, ...] | None = None
     saw: tuple[str, ...] = ()
+    free: np.ndarray | None = None
     tried: tuple[Tried, ...] = ()
     best: Tried | None = None
     gait: np.ndarray | None = None

@@ -38,6 +38,7 @@ class ByDiagnosis:
             intervals=_intervals(made, seen),
             causes=tuple(versions[-1].effects),
             saw=saw(data, posed.windows, posed.parts.chosen),
+            free=np.isin(np.arange(len(data.robot.space)), made.found.model.coordinates.free),
         )
 
 

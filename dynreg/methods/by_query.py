@@ -44,6 +44,7 @@ class Nearest:
             choice.rollouts,
             choice.rollouts * seconds_of(question),
             evaluations=found.ranked.evaluations,
+            free=question.free,
             intervals={name: (one.low, one.high) for name, one in choice.intervals.items()},
         )
 

@@ -74,8 +74,11 @@ class ByReality:
     """
 
     def fit(self, question: Question, evidence: Evidence, limits: Limits) -> Answer:
-        """Its last simulator and best gait. Raises NoMatchError where no gait stood, BudgetError where none may be
-        tried."""
+        """Its last simulator and best gait.
+
+        Raises NoMatchError where no gait stood, BudgetError where none may be tried, UsageError for a gait that passes
+        the robot's limits, before it moves.
+        """
         trying = evidence.trying
         door, robot = trying.robot, trying.robot.robot
         played = Played(robot, door.task, limits.seed, limits.threads)
@@ -84,14 +87,20 @@ class ByReality:
             door.begin(whole)  # BudgetError before time is spent on a gait
         rules = (trying.rules or Rules()).within(limits.simulations)
         start = robot.space.nominal if question.start is None else question.start
-        free = np.flatnonzero(np.isnan(nominal_known(robot)))
+        free = np.isnan(nominal_known(robot))
 
         def trial(gait: np.ndarray) -> Outcome:
             return door.try_out(played.commands(gait), robot.rate)
 
+        kept = Journalled(lambda: door.begin(whole), trial, door.again, limits.journal("trials"), door.keeps)
+
+        def checked(gait: np.ndarray) -> Outcome:
+            played.space.require(played.genes(gait[None])[0])  # before it counts as a trial
+            return kept(gait)
+
         world = World(
             played,
-            Journalled(lambda: door.begin(whole), trial, door.again, limits.journal("trials"), door.keeps),
+            checked,
             lambda step: stream(limits.seed, "btr", robot.name, step),
             limits.journal,
             played.space.periodic,
@@ -99,7 +108,9 @@ class ByReality:
             limits.progress or (lambda *_: None),
         )
         gaits = played.space.to_unit(trying.gaits)
-        found = back_to_reality(world, rules, gaits, np.clip(robot.space.to_unit(start), 0.0, 1.0), free)
+        found = back_to_reality(
+            world, rules, gaits, np.clip(robot.space.to_unit(start), 0.0, 1.0), np.flatnonzero(free)
+        )
         if found.best is None:
             _none_stood(door.name, len(found.tried), found.ended)
         return Answer(
@@ -108,6 +119,7 @@ class ByReality:
             played.rollouts + found.resumed,
             (played.rollouts + found.resumed) * whole,
             resumed=found.resumed,
+            free=free,
             tried=found.tried,
             best=found.best,
             gait=played.genes(found.best.gait[None])[0],

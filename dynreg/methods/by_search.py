@@ -28,7 +28,7 @@ class BySearch:
         """One version, never worse than what it begins with on what is not held out."""
         data = question.data
         replayer = Replayer(data.robot, data.windows, limits.threads)
-        free = np.flatnonzero(np.isnan(data.known))
+        free = np.flatnonzero(question.free)
         rng = stream(limits.seed, "calibrate", data.robot.name)
         found = searched(
             lambda unit: errors(replayer.residuals(data.values_of(unit), data.parts.chosen)).mean(axis=1),
@@ -50,4 +50,6 @@ class BySearch:
             history=found.history,
         )
         simulated = found.evaluations * seconds_of(question)
-        return Answer((made,), found.ended, found.evaluations, simulated, resumed=found.resumed)
+        return Answer(
+            (made,), found.ended, found.evaluations, simulated, resumed=found.resumed, free=question.free
+        )

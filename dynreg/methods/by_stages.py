@@ -19,7 +19,7 @@ class Staged:
         data = question.data
         space, replayer = data.robot.space, Replayer(data.robot, data.windows, limits.threads)
         episode = [data.recording.episodes[i].name for i in data.windows.episode]
-        stages = resolved(evidence.plan, space.names, ~np.isnan(data.known), episode, data.parts.chosen)
+        stages = resolved(evidence.plan, space.names, ~question.free, episode, data.parts.chosen)
         generations = within(stages, limits.simulations)
         losses = [loss_of(stage, data, replayer) for stage in stages]
         found = staged(
@@ -56,4 +56,5 @@ class Staged:
                 one.evaluations * len(loss.windows) * window for loss, one in zip(losses, found, strict=True)
             ),
             resumed=sum(one.resumed for one in found),
+            free=np.isin(np.arange(len(space)), np.concatenate([stage.parameters for stage in stages])),
         )

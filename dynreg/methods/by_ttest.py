@@ -52,16 +52,18 @@ class ByTTest:
         samples, turns = _best(pieces, off(pieces.moved, begun))
         folder, found = Folder(simulators, question.begin, limits.simulations), None
         versions: list[Version] = []
+        named = pieces.turns
         ended = "episodes"
         for number, turn in enumerate(turns):
             some = pieces.turn <= number
             found = folder.fold(turn.table, pieces.take(some), samples.until(number), begun[some], found)
             ended = ended if found.whole else "budget"
-            versions.append(_version(data.values_of(found.unit), found, turn, pieces.turns[: number + 1]))
+            versions.append(_version(data.values_of(found.unit), found, turn, named[: number + 1]))
             if limits.progress:
                 limits.progress("calibrate", number + 1, len(turns))
         causes = tuple(versions[-1].effects)
-        return Answer(tuple(versions), ended, simulators.ran, simulators.seconds, causes=causes)
+        free = np.isin(np.arange(len(question.begin)), folder.free)
+        return Answer(tuple(versions), ended, simulators.ran, simulators.seconds, causes=causes, free=free)
 
 
 def _best(pieces: Displaced, apart: np.ndarray) -> tuple[Samples, list[_Turn]]:

@@ -42,6 +42,11 @@ class Question:
         return self.data.with_known(np.clip(start, 0.0, 1.0))
 
     @property
+    def free(self) -> np.ndarray:
+        """(P,) which parameters the recording does not tell."""
+        return np.isnan(self.data.known)
+
+    @property
     def fitted(self) -> np.ndarray:
         """(P,) which parameters something has fitted before: those that do not begin at their nominal value."""
         space = self.data.robot.space

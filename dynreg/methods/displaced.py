@@ -39,14 +39,12 @@ class Displaced:
     @property
     def turns(self) -> tuple[tuple[str, str], ...]:
         """(name, its episode) of each turn."""
-        cut = self.data.windows
-        named: dict[int, tuple[str, str]] = {}
-        for turn, window in zip(self.turn.tolist(), self.window.tolist(), strict=True):
+        cut, named, by_windows = self.data.windows, [], _by_windows(self.data)
+        for window in self.window[np.unique(self.turn, return_index=True)[1]].tolist():
             episode = self.data.recording.episodes[cut.episode[window]].name
-            many = len(np.unique(self.window[self.turn == turn])) == 1 and _by_windows(self.data)
             before = int((cut.episode[:window] == cut.episode[window]).sum())
-            named[turn] = (piece_of(episode, before) if many else episode, episode)
-        return tuple(named[turn] for turn in sorted(named))
+            named.append((piece_of(episode, before) if by_windows else episode, episode))
+        return tuple(named)
 
     def take(self, which: np.ndarray) -> "Displaced":
         """Some of the pieces (a mask)."""

@@ -111,13 +111,15 @@ class Folder:
         for number in range(ROUNDS if moves.any() else 0):
             if self.most is not None and self.simulators.ran + moves.sum() + 1 > self.most:
                 return replace(found, whole=False)
-            tried = brought(np.concatenate([x[None], x + STEP * np.eye(len(x))[moves]]))
+            # inwards at a bound: nothing moves beyond it
+            steps = np.where(x[moves] + STEP > high, -STEP, STEP)
+            tried = brought(np.concatenate([x[None], x + steps[:, None] * np.eye(len(x))[moves]]))
             residual = tried[0] - wanted.value
             loss = float(residual @ residual)
             if number and loss >= found.loss:
                 break
             # a whole range is one standard deviation of what is known before
-            slopes = np.concatenate([(tried[1:] - tried[0]).T / STEP, np.eye(moves.sum())])
+            slopes = np.concatenate([(tried[1:] - tried[0]).T / steps, np.eye(moves.sum())])
             loose = max(loss / max(len(residual) - moves.sum(), 1), 1.0)
             found = _Fit(x, loss, float(np.sqrt(loose * np.linalg.inv(slopes.T @ slopes)[-1, -1])), True)
             rest = np.concatenate([residual, x[moves]])

@@ -51,7 +51,7 @@ USUAL = 600  # simulations of a search: our choice
 _ABOUT = {
     "cma": "the usual choice among searches",
     "hill": "the hill climber of paper D, a plain local search",
-    "random": "what every other method must beat",
+    "random": "draws from the whole range, wherever it begins: what every other method must beat",
     "ga": "the genetic algorithm of paper A, where there are many optima",
     "bits": "a genetic algorithm on bits, as the reference of `operon`",
     "operon": "the algorithm of paper C, for hundreds of parameters",

@@ -13,6 +13,7 @@ states, the more draws will do: the safer side.
 
 import numpy as np
 
+from dynreg.evidence.lockstep import one_blas_thread
 from dynreg.neighbours.query import Case, Choice, regressed
 from dynreg.replay.windows import errors
 from dynreg.rng import stream
@@ -28,6 +29,7 @@ EACH = 48
 TOLERANCE = 1.15
 
 
+@one_blas_thread()
 def drawn(case: Case, chosen: Choice, many: int, seed: int) -> np.ndarray:
     """(m, P) values of the answer, and of draws that the recording cannot tell apart from it, the widest first.
 

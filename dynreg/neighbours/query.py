@@ -9,6 +9,7 @@ from dynreg.data.recording import Recording
 from dynreg.distance.population import Population
 from dynreg.distance.query import DistanceQuery, OwnModel
 from dynreg.evidence.gaussian import Gaussian
+from dynreg.evidence.lockstep import one_blas_thread
 from dynreg.neighbours.intervals import Evidence, Interval, estimates
 from dynreg.neighbours.judge import Judgement, judge
 from dynreg.neighbours.make import Replaying, make
@@ -127,6 +128,7 @@ class Choice:
     rollouts: int
 
 
+@one_blas_thread()
 def choose(case: Case, found: Retrieved, spending: Spending) -> Choice:
     """Replay what was found, synthesise, choose; then replay the test part once, in all that is told of."""
     before = case.replayer.rollouts

@@ -7,6 +7,7 @@ import numpy as np
 from dynreg.distance.query import DistanceQuery, Ranked
 from dynreg.distance.table import AUTO, DISTANCES, NAMES
 from dynreg.errors import UsageError
+from dynreg.evidence.lockstep import one_blas_thread
 
 ENOUGH = 50  # entries from which parameters can be read off an embedding
 
@@ -61,6 +62,7 @@ def _chosen(asked: DistanceQuery) -> tuple[str, Ranked]:
     return "embedding", replace(ranked, evaluations=ranked.evaluations + sided.evaluations)
 
 
+@one_blas_thread()
 def _guess(asked: DistanceQuery) -> np.ndarray | None:
     """(P,) ridge regression from embeddings to unit parameters, at the recording's embedding."""
     vectors, vector = asked.population.vectors, asked.vector

@@ -30,13 +30,18 @@ def verdict(result: Calibration) -> str:
     did = (
         "chose a simulator of"
         if result.method == "nearest"
-        else f"fitted {count(len(result.parameters), 'parameter')} of"
+        else f"fitted {count(_fitted(result), 'parameter')} of"
     )
     recording = result.recording_name or result.recording[:12]
     return (
         f"{result.method} {did} {result.robot} for {recording}{named}: replay error {number(error)} on the {part} part "
         f"(nominal {number(nominal)})."
     )
+
+
+def _fitted(result: Calibration) -> int:
+    """How many parameters the method could move; an older document does not tell, so all of them."""
+    return sum(one.free is not False for one in result.parameters.values())
 
 
 def spent(result: Calibration) -> str:
@@ -100,8 +105,8 @@ def _doubts(result: Calibration) -> Iterator[str]:
 
 def _tries(result: Calibration) -> Iterator[str]:
     """What to do next."""
-    last = result.versions[-1] if result.versions else None
-    if last is not None and last.before is not None and last.before == last.after:
+    same = [v.before is not None and v.before == v.after for v in result.versions]
+    if same and all(same):
         yield "Nothing better was found than what it began with: raise --budget, or try another method."
     if result.test_error is None:
         yield "Give --hold-out, so that an error on other episodes tells whether it carries over."

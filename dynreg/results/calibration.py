@@ -23,7 +23,8 @@ class Fitted(Result):
     """A fitted parameter, in `unit`.
 
     low, high : 90 % interval; null of a method that gives none (versions before 0.2 wrote the value there). at_bound :
-    the value is at the edge of its range. limits : the range (low, high).
+    the value is at the edge of its range. limits : the range (low, high). free : the method could move it; null in
+    older documents.
     """
 
     value: float
@@ -33,6 +34,7 @@ class Fitted(Result):
     nominal: float
     at_bound: bool = False
     limits: tuple[float, float] | None = None
+    free: bool | None = None
 
 
 class CalibrationVersion(Result):

@@ -195,13 +195,20 @@ SMALL = Tournament(3)  # of a small population
 
 
 def begin_plain(start: Start) -> BitGenetic:
-    """A small population, for budgets of hundreds; what is known is not in it."""
-    return BitGenetic(start.dimensions, rng=start.rng, population=start.batch, selection=SMALL)
+    """A small population, for budgets of hundreds; what is known is one of the first generation."""
+    return BitGenetic(
+        start.dimensions, rng=start.rng, population=start.batch, selection=SMALL, seeds=_of(start)
+    )
 
 
 def begin_operon(start: Start) -> Operon:
     """The same of the operon algorithm."""
-    return Operon(start.dimensions, rng=start.rng, population=start.batch, selection=SMALL)
+    return Operon(start.dimensions, rng=start.rng, population=start.batch, selection=SMALL, seeds=_of(start))
+
+
+def _of(start: Start) -> np.ndarray | None:
+    """(1, P) what is known, None where nothing is."""
+    return None if start.point is None else start.point[None]
 
 
 def roulette(
@@ -226,5 +233,4 @@ def roulette(
 
 def begin_roulette(start: Start) -> BitGenetic:
     """The same, in which what is known is one of the first generation."""
-    seeds = None if start.point is None else start.point[None]
-    return roulette(start.dimensions, start.rng, start.batch, seeds)
+    return roulette(start.dimensions, start.rng, start.batch, _of(start))

@@ -17,7 +17,7 @@ from dynreg.verbs.simulator import NAMES, NOMINAL, OLD
 if TYPE_CHECKING:
     from dynreg.distance.population import Population
     from dynreg.methods.calibrator import Evidence, Limits, Question
-    from dynreg.registry import Registry
+    from dynreg.registry import Registry, ResultRecord
     from dynreg.results.calibration import Calibration
     from dynreg.sim.robot import Robot
     from dynreg.verbs.journals import Journals
@@ -42,7 +42,7 @@ class CalibrateSettings(Settings):
     """
 
     method: str = option("cma", "How the simulator is found.", choices=tuple(METHODS), old=FORMER)
-    seed: int = seed()
+    seed: int = seed("; `nearest`, `synthesis` and `ttest` do not use it")
     budget: int | None = option(
         None,
         "Most simulations; those by which `nearest` and `synthesis` rank entries, and those that describe the gait of"
@@ -148,10 +148,11 @@ def calibrate(
     """Adapt a simulator to a recording by one of many methods.
 
     A search fits all parameters at once and begins at the nominal values, or where --start says; its answer is never
-    worse than these on the train part. `staged` fits them in stages, by a plan. `nearest` and `synthesis` take
-    registered simulators. `diagnose` also looks for physical causes. `ttest` fits wheels by a table that follows a
-    robot which changes. The answer has the same form for all, so that they can be compared. `btr` is asked about a
-    robot instead: it tries gaits there, and needs no recording, just a score of each trial.
+    worse than these on the train part. `random` tries these and draws from the whole range. `staged` fits them in
+    stages, by a plan. `nearest` and `synthesis` take registered simulators. `diagnose` also looks for physical causes.
+    `ttest` fits wheels by a table that follows a robot which changes. The answer has the same form for all, so that
+    they can be compared. `btr` is asked about a robot instead: it tries gaits there, and needs no recording, just a
+    score of each trial.
 
     Every simulator on the way is registered, with its parent and what shaped it. An interrupted search resumes with
     --resume; of one that has ended the stored result is given.
@@ -224,22 +225,30 @@ def _fitted(
     return made.model_copy(update={"question": key, "seen": tuple(dict.fromkeys((*shaped, *found.saw)))})
 
 
-def stored_answer(registry: "Registry", recording: str | None, key: str) -> "Calibration | None":
-    """The stored result of the same calibration, which has ended and is told so; None where there is none.
+def answered(registry: "Registry", recording: str | None, key: str | None) -> "ResultRecord | None":
+    """The stored result of a calibration, its newest; None where there is none.
 
     recording : id of that which it was asked about; None of a robot. key : see `Journals.key_of`.
     """
-    from dynreg.results.calibration import Calibration
     from dynreg.verbs.newest import about
 
-    for record in about(registry, "calibration", recording):
-        if record.document.get("question") == key:
-            told = (
-                f"this calibration has ended: its result {record.id[:12]} is given, and nothing is computed"
-            )
-            warnings.warn(told, Assumed, 3)
-            return Calibration.model_validate(record.document)
-    return None
+    every = about(registry, "calibration", recording)
+    return next((record for record in every if record.document.get("question") == key), None)
+
+
+def stored_answer(registry: "Registry", recording: str | None, key: str) -> "Calibration | None":
+    """The stored result of the same calibration, which has ended and is told so; None where there is none.
+
+    recording, key : see `answered`.
+    """
+    from dynreg.results.calibration import Calibration
+
+    record = answered(registry, recording, key)
+    if record is None:
+        return None
+    told = f"this calibration has ended: its result {record.id[:12]} is given, and nothing is computed"
+    warnings.warn(told, Assumed, 3)
+    return Calibration.model_validate(record.document)
 
 
 def _require_wheels(robot: "Robot", settings: CalibrateSettings) -> None:

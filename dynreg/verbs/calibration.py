@@ -127,11 +127,18 @@ def parameters(robot: Robot, found: Answer) -> dict[str, Fitted]:
     """{name: value} of the answer, with units, ranges and intervals."""
     values = found.final.values
     edge = robot.space.at_bound(robot.space.to_unit(values))
-    out = {}
-    for p, v, at in zip(robot.space.parameters, values.tolist(), edge, strict=True):
+    free, out = np.ones(len(values), dtype=bool) if found.free is None else found.free, {}
+    for p, v, at, moves in zip(robot.space.parameters, values.tolist(), edge, free.tolist(), strict=True):
         low, high = found.intervals.get(p.name, (None, None))
         limits = (p.low, p.high)
         out[p.name] = Fitted(
-            value=v, low=low, high=high, unit=p.unit, nominal=p.nominal, at_bound=bool(at), limits=limits
+            value=v,
+            low=low,
+            high=high,
+            unit=p.unit,
+            nominal=p.nominal,
+            at_bound=bool(at),
+            limits=limits,
+            free=moves,
         )
     return out

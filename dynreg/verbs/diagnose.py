@@ -199,11 +199,9 @@ def diagnose(asked: "Recorded", settings: DiagnoseSettings, progress: Progress |
 
     Raises as `diagnose.diagnose`. The calibrated and the extended simulator are registered.
     """
-    from threadpoolctl import threadpool_limits
-
     from dynreg.diagnose.account import with_account
     from dynreg.diagnose.diagnose import diagnose as find
-    from dynreg.evidence.lockstep import counted, run
+    from dynreg.evidence.lockstep import counted, one_blas_thread, run
     from dynreg.results.result import Cost
     from dynreg.verbs.diagnosis import document
 
@@ -224,7 +222,7 @@ def diagnose(asked: "Recorded", settings: DiagnoseSettings, progress: Progress |
     made_here = {kind: _register(asked, robot, parent, kind, *one) for kind, one in seen.simulators.items()}
     ids = {"start": parent} | made_here
     cost = Cost(evaluations=0, rollouts=rollouts, test_rollouts=len(made.judged.states), seconds=0.0)
-    with threadpool_limits(1, user_api="blas"):  # as in `run`: the same bytes on any number of threads
+    with one_blas_thread():  # as in `run`: the same bytes on any number of threads
         found = document(asked, settings.start, options, made, seen, ids, cost)
     again = 0
     if asked.each:

@@ -137,9 +137,9 @@ def address() -> Any:
     )
 
 
-def seed() -> Any:
-    """The setting that every verb has which draws at random."""
-    return option(0, "Seed of the random numbers.", least=0, shared=True)
+def seed(but: str = "") -> Any:
+    """The setting that every verb has which draws at random. but : where it means nothing, for the help."""
+    return option(0, f"Seed of the random numbers{but}.", least=0, shared=True)
 
 
 def method() -> Any:

@@ -1,6 +1,7 @@
 """Back to Reality over a toy: a gait scores by how near it is to what the robot hides, and some gaits fall."""
 
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -437,7 +438,40 @@ def test_grades_of_other_gaits_are_forgotten_where_a_larger_budget_tries_more_of
 def test_a_door_that_falls_every_time_leaves_no_gait() -> None:
     found = run(Robot(slips=0.0), replace(SMALL, iterations=2))
     assert found.best is None and len(found.versions) == 1
-    assert all(one.fell for one in found.tried) and len(found.tried) <= 2 * SMALL.stand
+    known = [one for one in found.tried if one.simulated is None]
+    assert all(one.fell for one in found.tried) and len(found.tried) - len(known) <= 2 * SMALL.stand
+    assert len(known) == 1
+
+
+def ten_known(last: float) -> np.ndarray:
+    """(10, 4) gaits to begin with; those whose last gene is above `TALL` fall."""
+    return np.column_stack([np.tile(GAIT[:2], (10, 1)), np.linspace(0.0, 0.9, 10), np.full(10, last)])
+
+
+def test_known_gaits_that_stand_leave_half_of_the_places_to_gaits_of_the_simulator() -> None:
+    found = run(Robot(tall=1.0), replace(SMALL, iterations=1, steps=0), gaits=ten_known(0.2))
+    first = [one.simulated is None for one in found.tried]
+    assert first == [True] * 5 + [False] * 5 and len(found.versions) == 2
+    assert sum(len(one.trials) for one in found.tried) == SMALL.stand * SMALL.repeats
+
+
+def test_known_gaits_that_fall_end_no_turn_and_say_nothing_of_the_simulator() -> None:
+    robot = Robot()
+    found = run(robot, replace(SMALL, iterations=1, steps=0, lost=0.9), gaits=ten_known(0.9))
+    known = [one for one in found.tried if one.simulated is None]
+    assert len(known) == 10 and all(one.fell for one in known)
+    assert sum(not one.fell for one in found.tried) == SMALL.stand
+    assert found.versions[-1].made == ADAPTED and len(robot.played) == found.tried[-1].trials[-1]
+
+    class Slippery(Robot):
+        """Every gait that the simulator proposes stands, and none of the others."""
+
+        def __call__(self, gait: np.ndarray) -> Outcome:
+            self.tall = 0.0 if gait[3] == 0.9 else 1.0
+            return super().__call__(gait)
+
+    usual = run(Slippery(), replace(SMALL, iterations=1, steps=0), gaits=ten_known(0.9))
+    assert [v.made for v in usual.versions] == ["start", ADAPTED], "ten of twenty fell, but no gait of it"
 
 
 def test_differences_are_what_the_paper_says() -> None:
@@ -481,6 +515,9 @@ def test_no_more_simulations_are_run_than_the_budget_allows(share: float) -> Non
         ({"stand": 0}, "stand = 0; expected 1 or more"),
         ({"steps": -1}, "steps = -1; expected 0 or more"),
         ({"variations": 1}, "variations = 1; expected 2 or more"),
+        ({"first": 0.1 * 600}, "first = 60.0; expected a whole number, 1 or more"),
+        ({"stand": 2.5}, "stand = 2.5; expected a whole number, 1 or more"),
+        ({"steps": "3"}, "steps = 3; expected a whole number, 0 or more"),
         ({"lost": 1.0}, "lost = 1.0; expected a share"),
         ({"mutation": 0.0}, "mutation = 0.0; expected a share"),
         ({"enough": float("nan")}, "enough = nan; expected a share"),
@@ -494,6 +531,11 @@ def test_no_more_simulations_are_run_than_the_budget_allows(share: float) -> Non
 def test_sizes_that_make_no_sense_are_refused(wrong: dict, message: str) -> None:
     with pytest.raises(UsageError, match=message):
         Rules(**wrong)
+
+
+def test_whole_numbers_of_numpy_are_sizes_that_a_journal_can_keep() -> None:
+    rules = Rules(first=np.int64(7), stand=np.int32(3))
+    assert rules == Rules(first=7, stand=3) and json.loads(json.dumps(asdict(rules))) == asdict(rules)
 
 
 def test_a_difference_that_is_negative_at_first_does_not_end_the_search_for_a_simulator() -> None:

@@ -258,13 +258,18 @@ def test_calibrate_passes_its_options_on(dynreg, session) -> None:
     }
 
 
+# of stored calibrations, the newest first
+QUESTIONS = {"newest": "another", "c0ffee": "own", "oldest": "own"}
+
+
 def test_calibrate_takes_a_robot_and_a_folder_for_its_trials(dynreg, session) -> None:
     line = "calibrate leg --method btr --task forward --trials 30 --seconds 300.5 --falls 3 --goal 0.8"
-    session.answers["latest"] = ResultRecord("c0ffee" * 8, "calibration", "", {})
+    session.answers["calibrate"] = made_up_results.calibration().model_copy(update={"question": "own"})
+    kept = {name: ResultRecord(name * 8, "calibration", "", {"question": q}) for name, q in QUESTIONS.items()}
+    session.results_about, session.result = lambda *_: kept, kept.get
     ended = dynreg(*line.split(), "--trial", "tries", "--gait", "1f2e")
     assert ended.status == 0 and ended.out.endswith("next: dynreg report c0ffeec0ffee\n")
-    (verb, given, named), latest = session.asked
-    assert latest == ("latest", ("calibration",), {})
+    ((verb, given, named),) = session.asked
     assert (verb, given) == ("calibrate", ("leg",)) and session.created
     told = {"task": "forward", "trials": 30, "seconds": 300.5, "falls": 3, "goal": 0.8, "method": "btr"}
     assert named == named | told | {"robot_door": Path("tries"), "gait": "1f2e"}
@@ -296,7 +301,7 @@ def test_every_method_of_calibrate_may_be_chosen(dynreg, session) -> None:
     from dynreg.errors import OldWord
     from dynreg.methods.table import METHODS
 
-    session.answers["latest"] = ResultRecord("c0ffee" * 8, "calibration", "", {})
+    session.answers["results_about"] = ()
     for method, kind in METHODS.items():
         plan = ("--plan", "plan.toml") if "plan" in kind.needs else ()
         assert dynreg("calibrate", "bench", "--method", method, *plan).status == 0

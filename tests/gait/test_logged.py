@@ -234,6 +234,25 @@ def test_rows_that_are_not_measured_are_filled_and_none_is_standing_still(quadru
         trial_of(quadruped, without(("base/pitch",), slice(None)), gaits[0], RATE)
 
 
+@pytest.mark.parametrize("name", ["base/roll", "base/yaw"])
+@pytest.mark.parametrize(
+    ("lost", "said"), [((0.85, 1.0), "0.4"), ((0.05, 0.92), "2.6"), ((0.0, 0.15), "0.39"), ((0.92, 1.0), "")]
+)
+def test_a_base_that_is_lost_for_more_than_a_tenth_tells_neither_a_fall_nor_a_score(
+    quadruped, gaits, tried, name: str, lost: tuple[float, float], said: str
+) -> None:
+    log, (e,) = tried[0].recording, tried[0].recording.episodes
+    values = e.values.copy()
+    first, end = (round(share * len(values)) for share in lost)
+    values[first:end, log.names.index(name)] = np.nan
+    seen = replace(log, episodes=(replace(e, values=values),))
+    if said:
+        with pytest.raises(LogError, match=f"silent for {said}.* about the base"):
+            trial_of(quadruped, seen, gaits[0], RATE)
+    else:
+        assert not trial_of(quadruped, seen, gaits[0], RATE).fell
+
+
 def _excited(robot: Robot) -> list[RealTrial]:
     """Trials of other commands, as a query's log has them."""
     real = SimulatedRobot(robot, robot.space.nominal, seed=3, threads=1)

@@ -81,6 +81,25 @@ def test_what_is_made_feasible_keeps_every_limit_at_every_time(motion: str, tmp_
         assert np.array_equal(genes[:, :-1], wild[:, :-1]), "only slower"
 
 
+KNEES = KICK + 'joints = ["fl_knee"]\ntogether = { fr_knee = "fl_knee" }\n'
+
+
+@pytest.mark.parametrize("points", [(1.0, 4.0), (1.0, 12.0)])
+def test_ranges_that_leave_out_the_pose_at_rest_keep_the_limits_of_rates(points: tuple, tmp_path) -> None:
+    """The knees stand at 1.31 rad and turn by 0.19 rad a point: to 1.9 they take 3.1 points."""
+    told = f"ranges = {{ fl_knee_1 = [1.9, 2.2], fl_knee_2 = [0.2, 2.2], points = [{points[0]}, {points[1]}] }}\n"
+    space = space_of(tmp_path, KNEES + told)
+    genes = space.feasible(drawn(space, 20))
+    assert all(space.problems(g) == () for g in genes)
+    assert np.allclose(space.feasible(genes), genes) and np.ptp(genes, axis=0)[:-1].min() > 0.01
+
+
+def test_a_motion_of_which_not_even_the_slowest_keeps_the_limits_is_refused(tmp_path) -> None:
+    told = "ranges = { fl_knee_1 = [2.1, 2.2], points = [1.0, 3.0] }\n"
+    with pytest.raises(RobotError, match="no gait of robot 'dog' keeps its limits: .* would turn at"):
+        space_of(tmp_path, KNEES + told)
+
+
 def test_drives_without_a_limit_of_their_rate_state_none(tmp_path) -> None:
     folder = toy_dog.folder(tmp_path / "dog", KICK, TASK)
     table = (folder / "robot.toml").read_text(encoding="utf-8")

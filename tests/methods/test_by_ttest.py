@@ -106,6 +106,17 @@ def test_gains_of_both_wheels_and_of_turns_are_the_radius_and_the_track() -> Non
     assert errors(cut, found)[1, 1] < 0.3 * errors(cut, found)[0, 1]
 
 
+def test_a_parameter_that_begins_at_its_upper_bound_moves_from_there() -> None:
+    cut = held(Hidden(), seed=2, episodes=6)
+    high = dict(zip(ROBOT.space.names, ROBOT.space.bounds[:, 1], strict=True))
+    start = ROBOT.space.from_dict(ROBOT.space.as_dict(NOMINAL) | {"wheel_radius": high["wheel_radius"]})
+    question = Question(cut, start)
+    found = METHODS["ttest"].made().fit(question, Evidence(), Limits(None, threads=1))
+    values = ROBOT.space.as_dict(found.final.values)
+    assert values["wheel_radius"] == pytest.approx(0.021, rel=0.01)
+    assert values["track"] == pytest.approx(0.0884, rel=0.01)
+
+
 def test_where_nothing_is_hidden_tests_keep_their_level_and_nothing_is_found() -> None:
     """Of some 1000 tests at 5 %."""
     tests = rejected = 0

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import secret_servo
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from dynreg.neighbours.draws import TOLERANCE, drawn
 from dynreg.neighbours.query import case_of, choose, distance_query
@@ -95,3 +96,22 @@ def test_of_a_secret_servo_draws_err_no_more_than_the_tolerance_allows(servos) -
     )
     found = errors(case.replayer.residuals(values, case.data.parts.chosen)).mean(axis=1)
     assert (found <= TOLERANCE * found[0]).all() and len({*found}) == len(found)
+
+
+def test_linear_algebra_has_one_thread_while_one_is_chosen_or_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With more it would add in another order: other bytes."""
+    seen = []
+
+    def stops(*_) -> None:
+        seen.append({one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"})
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("dynreg.neighbours.query._replayed", stops)
+    monkeypatch.setattr("dynreg.neighbours.draws.regressed", stops)
+    case, chosen = SimpleNamespace(replayer=SimpleNamespace(rollouts=0)), SimpleNamespace(answer=0)
+    case.data, chosen.replays = SimpleNamespace(values_of=None), SimpleNamespace(unit=[None])
+    with threadpool_limits(2, user_api="blas"):
+        for ask in (lambda: choose(case, None, None), lambda: drawn(case, chosen, 1, 0)):
+            with pytest.raises(KeyboardInterrupt):
+                ask()
+    assert seen == [{1}, {1}]

@@ -7,6 +7,8 @@ from dynreg.errors import UsageError
 from dynreg.rng import stream
 from dynreg.search.bits import BITS, LIST, BitGenetic, Operon, coded, numbers
 from dynreg.search.selection import Roulette, Tournament
+from dynreg.search.start import Start
+from dynreg.search.table import SEARCHES
 
 MAKE = {"plain": BitGenetic, "operon": Operon}
 
@@ -67,6 +69,13 @@ def test_a_first_generation_has_what_it_is_seeded_with(name: str) -> None:
     assert np.array_equal(search.ask()[0], asked[1]), "a seed breeds, and the elite of one is the second"
     with pytest.raises(UsageError, match="7 seeds"):
         MAKE[name](2, seeds=np.zeros((7, 2)), **given)
+
+
+@pytest.mark.parametrize("name", ["bits", "operon", "roulette"])
+def test_where_a_search_sets_out_is_one_of_its_first_generation(name: str) -> None:
+    point = np.array([0.123, 0.9, 0.456])
+    first = SEARCHES[name].begin(Start(3, stream(6, name), 10, point)).ask()
+    assert np.abs(first[0] - point).max() <= 0.5 / 255 < np.abs(first[1:] - point).max(axis=1).min()
 
 
 def test_children_of_a_roulette_without_changes_are_copies_and_the_elite_may_die() -> None:

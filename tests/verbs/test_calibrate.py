@@ -20,7 +20,7 @@ from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.methods.calibrator import Question
 from dynreg.methods.table import METHODS
 from dynreg.replay.data import data
-from dynreg.report.calibration import columns, made, next_steps
+from dynreg.report.calibration import columns, made, next_steps, verdict
 from dynreg.report.html import page
 from dynreg.results import Calibration
 from dynreg.session import Session
@@ -117,6 +117,7 @@ def test_the_stages_of_a_plan_are_versions_in_turn(found: dict[str, Calibration]
     for one in (masses, every):
         curve = [(s.simulations, s.error) for s in found["staged"].history if s.stage == one.stage]
         assert (curve[0], curve[-1][1]) == ((1, one.before), one.after), "its learning curve is its own"
+    assert all(one.free for one in found["staged"].parameters.values()), "of some stage"
     assert "lowest objective of masses" in page(found["staged"]) and "of all" in page(found["staged"])
 
 
@@ -310,6 +311,26 @@ def test_a_diagnosis_answers_in_the_same_form(tmp_path: Path) -> None:
     assert found.test_error < 0.5 * found.nominal_test_error
     fitted = [one for one in found.parameters.values() if one.low is not None]
     assert fitted and all(one.low <= one.value <= one.high for one in fitted)
+
+
+def test_parameters_that_no_stage_fits_are_not_counted_as_fitted(session: Session, place: Path) -> None:
+    (place / "few.toml").write_text(PLAN.partition('\n[[stages]]\nname = "all"')[0], encoding="utf-8")
+    told = asked(session, place, "staged", plan=place / "few.toml")
+    assert {name for name, one in told.parameters.items() if one.free} == {"tip_mass", "rotor_inertia"}
+    assert verdict(told).startswith("staged fitted 2 parameters of")
+    older = told.to_dict()
+    for one in older["parameters"].values():
+        del one["free"]
+    assert "fitted 7 parameters of" in verdict(Calibration.model_validate(older)), "it does not tell"
+
+
+def test_nothing_better_is_said_only_where_no_stage_found_anything(found: dict[str, Calibration]) -> None:
+    first, last = found["staged"].versions
+    same = {"before": 0.5, "after": 0.5}
+    for begun, says in ((same, True), ({"before": 0.5, "after": 0.4}, False)):
+        some = (first.model_copy(update=begun), last.model_copy(update=same))
+        told = found["staged"].model_copy(update={"versions": some})
+        assert any("Nothing better was found" in one for one in next_steps(told)) == says
 
 
 @pytest.mark.parametrize(("name", "stand"), [("air", True), ("ground", False)])

@@ -208,6 +208,20 @@ def test_a_robot_with_other_commands_is_refused_before_a_trial_is_begun(
     calibrated(opened, brief, Door(), trials=2)
 
 
+def test_a_gait_past_the_robots_limits_is_refused_before_a_trial(
+    opened: Session, brief: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A family of a plugin may make none feasible."""
+    door = Door()
+    monkeypatch.setattr("dynreg.gait.sines.Sines.problems", lambda *_: ("fl_hip would turn at 99 rad/s",))
+    monkeypatch.setattr("dynreg.gait.sines.Sines.require_any", lambda *_: None)
+    with pytest.raises(UsageError, match="cannot be run .* fl_hip would turn"):
+        calibrated(opened, brief, door)
+    assert not door.names
+    monkeypatch.undo()
+    assert calibrated(opened, brief, door, trials=1).cost.trials == 1, "none was begun, so none is lost"
+
+
 def test_no_gait_that_the_simulator_can_do_is_no_fall(opened: Session, brief: Robot, monkeypatch) -> None:
     monkeypatch.setattr(
         by_reality.Played, "__call__", lambda self, gaits, some: np.zeros((len(some), len(gaits)))
