@@ -183,7 +183,7 @@ class Settings:
 
     @property
     def unused(self) -> Collection[str]:
-        """Names of the settings that do nothing beside the others: what a settings file tells of them is passed over."""
+        """Names of settings that do nothing beside the others; what a settings file tells of them is passed over."""
         return ()
 
     def refuse(self, names: Collection[str], where: str, expected: str) -> None:

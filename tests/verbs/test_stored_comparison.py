@@ -224,7 +224,9 @@ def test_models_without_wheels_and_logs_without_a_pose_are_refused(registry: Ses
         ("generations", 9, "--generations 9"),
         ("longest", 0.5, "--longest 0.5"),
     ):
-        with pytest.raises(UsageError, match=f"{said} has no meaning for robot 'servo_pendulum', which has no wh"):
+        with pytest.raises(
+            UsageError, match=f"{said} has no meaning for robot 'servo_pendulum', which has no wh"
+        ):
             registry.compare("bench", **{name: value})
 
 
