@@ -248,6 +248,20 @@ def test_without_a_display_a_view_says_what_to_do_instead(dynreg_line, monkeypat
     assert said.count("\n") == 1 and "no display" in said and "--as rerun" in said
 
 
+def test_a_robot_is_viewed_without_a_simulator_beside_it(dynreg_line, monkeypatch, capsys) -> None:
+    monkeypatch.setenv("DISPLAY", ":0")
+    assert dynreg_line("view", "servo_pendulum", "--with", "nominal") == 2
+    assert "--with nominal beside robot 'servo_pendulum'" in capsys.readouterr().err
+
+
+def test_no_simulator_stands_beside_a_gait(opened, tmp_path: Path) -> None:
+    identity = opened.registry.put_result("gait", None, {})
+    with pytest.raises(UsageError, match="simulator 'nominal' beside gait"):
+        opened.frames(identity, "nominal")
+    with pytest.raises(UsageError, match="simulator 'nominal' beside gait"):
+        opened.export_run(identity, tmp_path / "run.mcap", "foxglove", "nominal")
+
+
 @pytest.mark.parametrize("seconds", ["0", "-2", "nan", "inf"])
 def test_a_view_needs_time(dynreg_line, monkeypatch, capsys, seconds: str) -> None:
     monkeypatch.setenv("DISPLAY", ":0")

@@ -160,8 +160,7 @@ def main(arguments: Sequence[str]) -> int:
         return _fail(error.format_message(), error.exit_code, debug)
     except (KeyboardInterrupt, typer.Abort):
         return _fail(
-            "interrupted; what was registered before stays; where a command and its method take --resume, the search "
-            "goes on with it",
+            "interrupted; what was registered stays; where a command has --resume, it goes on from here",
             INTERRUPTED,
             debug,
         )

@@ -3,7 +3,7 @@
 import inspect
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import MISSING, Field
+from dataclasses import MISSING, Field, replace
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args, get_origin
 
 import typer
@@ -45,20 +45,23 @@ def parameters(kind: type[Settings]) -> list[inspect.Parameter]:
 def told(kind: type[Kind], given: dict[str, Any], file: "File") -> Kind:
     """The settings that were `given` (and are taken out of there), else in the settings file, else the usual ones.
 
+    The file speaks to all verbs: of a setting that does nothing beside the others, its value is passed over.
     Raises UsageError that names the flag.
     """
-    said, flags = {}, {}
+    said, flags, filed = {}, {}, {}
     for one, how in options(kind):
         value = given.pop(one.name, None)
         if value is None and how.shared:
             value = getattr(file, one.name, None)
+            filed[one.name] = one.default
         if value is not None:
             flags[one.name] = how.flag_of(one.name)
             said[one.name] = _value(value, one, how)
             if said[one.name] == () and how.some:
                 raise how.empty(f"{flags[one.name]} {value!r}", one.name)
     with naming(flags):
-        return kind(**said)
+        made = kind(**said)
+    return replace(made, **{name: filed[name] for name in made.unused if name in filed})
 
 
 @contextmanager

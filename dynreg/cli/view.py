@@ -7,6 +7,7 @@ import typer
 
 from dynreg.cli.call import Call
 from dynreg.cli.completion import recording_names
+from dynreg.errors import UsageError
 from dynreg.verbs.simulator import NAMES
 
 if TYPE_CHECKING:
@@ -57,6 +58,12 @@ def _frames(call: Call, ref: str, simulator: str | None) -> "Frames":
     from dynreg.watch.frames import still
 
     if ref in packaged_robots() or (Path(ref) / "robot.toml").is_file():
+        if simulator is not None:
+            raise UsageError(
+                f"--with {simulator} beside robot {ref!r}",
+                expected="a recording, or a result about one: a robot is shown alone, at rest",
+                do="leave --with out, or name a recording",
+            )
         return still(load_robot(ref))
     with call.open() as session:
         return session.frames(ref, simulator)

@@ -1,4 +1,4 @@
-"""Units in which logs are written, and the SI unit that each becomes."""
+"""Units in which logs are written, the SI unit that each becomes, and how a value shows its unit."""
 
 import math
 from types import MappingProxyType
@@ -90,3 +90,12 @@ def conversion(unit: str, to: str) -> tuple[float, float]:
             do="correct the unit, or check that the source is the right one",
         )
     return factor / target_factor, (offset - target_offset) / target_factor
+
+
+def suffix(unit: str) -> str:
+    """What stands behind a value in this unit: a plain number has nothing behind it.
+
+    >>> suffix("kg"), suffix("1")
+    (' kg', '')
+    """
+    return "" if unit == "1" else f" {unit}"

@@ -1,11 +1,11 @@
 """Doubts: what speaks against calling a cause named, however much evidence it has."""
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from dynreg.diagnose.judging import Judged
+from dynreg.diagnose.kinds import DoubtKind
 from dynreg.diagnose.plans.plan import State
 from dynreg.diagnose.ranking.population import Ranking
 from dynreg.diagnose.score import INSTEAD, Naming
@@ -16,8 +16,6 @@ from dynreg.evidence.point import Point
 # Sigma of its nameplate, as wide as `DiagnosisOptions.tolerance` makes it, beyond which a parameter more likely makes
 # up for something: by contract.
 PULLED = 3.0
-
-Kind = Literal["pulled", "parameter_at_bound", "size_at_bound", "small", "no_gain", "no_better", "unlike"]
 
 
 @dataclass(frozen=True)
@@ -34,7 +32,7 @@ class Doubt:
     of : the parameter or the key of the cause; "" of the whole simulator.
     """
 
-    kind: Kind
+    kind: DoubtKind
     of: str
     value: float
 

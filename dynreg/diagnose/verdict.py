@@ -8,6 +8,7 @@ import numpy as np
 
 from dynreg.data.recording import Recording
 from dynreg.diagnose.doubts import Doubt
+from dynreg.diagnose.kinds import Verdict
 from dynreg.diagnose.plans.plan import State
 from dynreg.diagnose.pose import placed
 from dynreg.diagnose.score import Naming
@@ -25,7 +26,6 @@ from dynreg.sim.effects import one_group
 from dynreg.sim.robot import Robot
 
 TINY = 1e-12  # lower bound of mean squares and noise, for logarithms and divisions
-Verdict = Literal["named", "ambiguous", "partly_explained", "unknown", "none"]
 WHITE = 0.01  # p-value of the whiteness test, above which a residual counts as white noise
 STARTS = 8  # other starts of each window within their noise; of 16 windows they tell its size to a tenth
 EXPLAINED = 1.5  # ratio of residual to noise floor up to which everything counts as explained: by contract

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dynreg.data.units import suffix
 from dynreg.extend.carry import Carrier, carries
 from dynreg.sim.effects import Term
 from dynreg.sim.ports import Ports, servo_law
@@ -117,7 +118,7 @@ def _row(one: Written) -> str:
 
 
 def _number(value: float, unit: str) -> str:
-    return f"{value:.6g}" + ("" if unit == "1" else f" {unit}")
+    return f"{value:.6g}{suffix(unit)}"
 
 
 def _where(one: Written, plain: str) -> str:

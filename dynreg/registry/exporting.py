@@ -15,7 +15,6 @@ from dynreg.registry.recordings import check_name
 from dynreg.registry.references import holds
 from dynreg.registry.registry import Registry
 
-_KINDS = ("population", "entry", "recording", "measured", "robot", "simulator", "result")
 INDEXES = ("graph", "embedding", "judged")
 _NAMING = ("answer", "simulator", "calibrated_simulator", "extended_simulator")  # keys of results
 _RESULTS = ("document",)  # likewise: a calibration's own gait
@@ -39,7 +38,7 @@ def export(registry: Registry, refs: Sequence[str], destination: Path | str) -> 
             "an export of nothing", expected="at least one thing", do="name what to export; see `dynreg list`"
         )
     require_new(destination)
-    wanted = [registry.resolve(ref, _KINDS) for ref in refs]
+    wanted = [registry.resolve(ref) for ref in refs]
     sweep_beside(destination.absolute())
     with temporary_folder(destination.absolute()) as half_done:
         with Registry.open(half_done, create=True) as copy:

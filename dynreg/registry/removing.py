@@ -21,7 +21,6 @@ from dynreg.registry.writing import Writing
 
 Thing = tuple[str, str]  # kind and id
 Fits = Callable[[str, str], bool]  # says for a recording's id and a robot's hash whether they go together
-KINDS = ("robot", "population", "recording", "measured", "simulator", "result")
 _HOMES = {
     "robot": tables.robots,
     "population": tables.populations,
@@ -30,6 +29,7 @@ _HOMES = {
     "simulator": tables.simulators,
     "result": tables.results,
 }
+KINDS = tuple(_HOMES)
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from rich.console import Group
 from rich.text import Text
 
+from dynreg.data.units import suffix
 from dynreg.report.grid import table
 from dynreg.report.words import number
 from dynreg.results.effects import EffectSize, EffectsList
@@ -48,5 +49,4 @@ def tables(result: EffectsList, near: bool = False) -> Group:
 
 def _size(size: EffectSize) -> str:
     numbers = " / ".join(number(value) for value in (size.weak, size.medium, size.strong))
-    unit = PER[size.per][0] if size.per in PER else "" if size.unit == "1" else size.unit
-    return f"{numbers} {unit}".rstrip()
+    return numbers + suffix(PER[size.per][0] if size.per in PER else size.unit)

@@ -5,6 +5,7 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from dynreg.data.units import suffix
 from dynreg.gait.play import commands
 from dynreg.report.drawing import Chart, chart
 from dynreg.report.grid import table
@@ -30,7 +31,7 @@ def tables(result: Gait) -> RenderableType:
         table(columns, trials, f"task {result.task}, {result.seconds:g} s in each simulator"),
         Text(
             f"\nfitness: min {fitness.min:.3g}, lower quartile {fitness.quantile:.3g}, mean {fitness.mean:.3g}"
-            f" {result.unit} (goal: {result.success:g} in every simulator)"
+            f"{suffix(result.unit)} (goal: {result.success:g} in every simulator)"
         ),
         Text(
             f"search: {result.method}, {result.evaluations} gaits ({result.resumed} of them resumed), ended by"

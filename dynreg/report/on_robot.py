@@ -3,6 +3,7 @@
 from typing import Any
 
 from dynreg.adapt.differences import unit_of
+from dynreg.data.units import suffix
 from dynreg.report.drawing import Chart, chart
 from dynreg.report.words import count, number
 from dynreg.results.calibration import Calibration, OnRobot
@@ -16,9 +17,7 @@ def verdict(result: Calibration) -> str:
     best, first = told.tried[told.best - 1], told.tried[0]
     begun = "" if first is best or first.fell else f", after {number(first.score)} of the first one"
     falls = f"{count(cost.trials, 'trial')} on {result.robot}, {cost.falls} with a fall"
-    text = (
-        f"{result.method} found a gait with a score of {number(best.score)} {told.unit}{begun}, in {falls}."
-    )
+    text = f"{result.method} found a gait with a score of {number(best.score)}{suffix(told.unit)}{begun}, in {falls}."
     adapted = [v for v in result.versions if v.before is not None]
     if not adapted:
         return f"{text} The simulator was not adapted."

@@ -8,9 +8,9 @@ from rich.text import Text
 from dynreg.report.grid import table
 from dynreg.report.words import count, number
 from dynreg.results.trials import Confusion, Rate, TrialResult, TrialTable
+from dynreg.sim.sizes import SIZES
 
 LISTED = 12  # up to this many trials are listed one by one
-SIZES = ("weak", "medium", "strong")
 
 
 def tables(result: TrialTable) -> RenderableType:

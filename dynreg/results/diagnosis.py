@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import Field, model_validator
 
 from dynreg.axes import axes_for
+from dynreg.diagnose.kinds import DoubtKind, Verdict
 from dynreg.results.posterior import Posterior
 from dynreg.results.refit import Refit
 from dynreg.results.result import Cost, Curves, Estimate, Gain, Interval, Result, change, plot_curves
@@ -14,7 +15,6 @@ if TYPE_CHECKING:
     import numpy as np
     from matplotlib.axes import Axes
 
-Verdict = Literal["named", "ambiguous", "partly_explained", "unknown", "none"]
 CauseVerdict = Literal["named", "ambiguous", "partly_explained"]
 Simulator = Literal["nominal", "calibrated", "extended"]
 
@@ -93,7 +93,7 @@ class Doubt(Result):
     of : the parameter or the key of the cause; "" of the whole simulator.
     """
 
-    kind: Literal["pulled", "parameter_at_bound", "size_at_bound", "small", "no_gain", "no_better", "unlike"]
+    kind: DoubtKind
     of: str
     value: float
 

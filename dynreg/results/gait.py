@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import BaseModel, Field, field_validator, model_validator
 
 from dynreg.axes import axes_for
+from dynreg.data.units import suffix
 from dynreg.results.result import Cost, Interval, Result
 from dynreg.search.table import FORMER
 
@@ -235,7 +236,7 @@ class Gait(Result):
         return places
 
     def brief(self) -> str:
-        value = f"{self.value:.3g} {self.unit} {OVER[self.accept]} in {self._where}"
+        value = f"{self.value:.3g}{suffix(self.unit)} {OVER[self.accept]} in {self._where}"
         return f"of {self.robot} for {self.recording_name or 'it'}: {self.task}, {value}"
 
     @property
@@ -263,10 +264,11 @@ class Gait(Result):
         elif self.finals and self.finals.falls:
             how = f"fell in {self.finals.falls} of {self.finals.runs} runs with other noise"
         else:
-            how = f"below the goal of {self.success:.3g} {self.unit}"
+            how = f"below the goal of {self.success:.3g}{suffix(self.unit)}"
+        unit = suffix(self.unit)
         return (
             f"{self.recording_name or self.robot}: the gait {how}. Task {self.task} in {self._where}: "
-            f"{self.fitness.min:.3g} {self.unit} in the worst, {self.fitness.mean:.3g} {self.unit} on average."
+            f"{self.fitness.min:.3g}{unit} in the worst, {self.fitness.mean:.3g}{unit} on average."
         )
 
     @property
@@ -285,7 +287,7 @@ class Gait(Result):
         if e is None:
             return ""
         return (
-            f"A trial on the robot may bring {e.median:.3g} {self.unit} (90 %: {e.p5:.3g} to {e.p95:.3g}; 0 for a "
-            f"fall). It falls with a probability of {100 * e.low:.0f} to {100 * e.high:.0f} %. Both hold as far as "
+            f"A trial on the robot may bring {e.median:.3g}{suffix(self.unit)} (90 %: {e.p5:.3g} to {e.p95:.3g}; 0 for "
+            f"a fall). It falls with a probability of {100 * e.low:.0f} to {100 * e.high:.0f} %. Both hold as far as "
             "these simulators are right."
         )

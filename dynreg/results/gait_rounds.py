@@ -4,6 +4,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from dynreg.data.units import suffix
 from dynreg.results.result import Result
 
 
@@ -41,7 +42,7 @@ class GaitRound(Result):
 
     def outcome(self, unit: str) -> str:
         """What the robot did, beside what was predicted."""
-        how = "fell" if self.fell else f"stood, {self.fitness:.3g} {unit}"
+        how = "fell" if self.fell else f"stood, {self.fitness:.3g}{suffix(unit)}"
         return f"the robot {how} (predicted {self.median:.3g}, 90 %: {self.p5:.3g} to {self.p95:.3g})"
 
 
@@ -86,4 +87,4 @@ class GaitRounds(Result):
             return f"{many}. No gait stood."
         best = self.rounds[self.best - 1]
         more = "" if best.again is None else f"; another trial should reach {best.again:.3g}"
-        return f"{many}. The best gait, of trial {self.best}, reached {best.fitness:.3g} {self.unit}{more}."
+        return f"{many}. The best gait, of trial {self.best}, reached {best.fitness:.3g}{suffix(self.unit)}{more}."

@@ -1,5 +1,6 @@
 """An answer fitted to each of several recordings: what is the same in all of them, and what differs."""
 
+from dynreg.data.units import suffix
 from dynreg.results.result import Interval, Result
 
 
@@ -44,6 +45,5 @@ def sized(e: Interval, signed: bool = False) -> str:
     >>> sized(Interval(value=0.5, low=0.4, high=0.62, unit="kg"), signed=True)
     '+0.5 [0.4, 0.62] kg'
     """
-    unit = "" if e.unit == "1" else f" {e.unit}"
     sign = "+" if signed and e.value >= 0 else ""
-    return f"{sign}{e.value:.3g} [{e.low:.3g}, {e.high:.3g}]{unit}"
+    return f"{sign}{e.value:.3g} [{e.low:.3g}, {e.high:.3g}]{suffix(e.unit)}"

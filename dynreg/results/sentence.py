@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from dynreg.data.units import suffix
 from dynreg.results.diagnosis import (
     Cause,
     Diagnosis,
@@ -148,8 +149,7 @@ def _main(of: Diagnosis) -> str:
 
 
 def _nominal(value: float, e: Pulled) -> str:
-    unit = "" if e.unit == "1" else f" {e.unit}"
-    return f"{value:.3g}{unit} (nominal {e.nominal:.3g})"
+    return f"{value:.3g}{suffix(e.unit)} (nominal {e.nominal:.3g})"
 
 
 def _calibration_sentences(of: Diagnosis) -> tuple[str, ...]:
@@ -255,7 +255,7 @@ def inseparable_sentences(looked: Looked | None, pairs: Sequence[Inseparable]) -
         return ()
     others = " or ".join(pair.between[1] for pair in pairs)
     name, wide = next(iter(looked.whatever.items()))
-    alone, unit = looked.alone[name], "" if wide.unit == "1" else f" {wide.unit}"
+    alone, unit = looked.alone[name], suffix(wide.unit)
     absent = f"{looked.key} may also be absent." if any(pair.absent for pair in pairs) else ""
     out = (
         f"The recording does not separate {looked.key} from {others}.",
@@ -276,8 +276,7 @@ def _sizes(cause: Cause) -> str:
 
 
 def _estimate(name: str, e: EffectEstimate) -> str:
-    unit = "" if e.unit == "1" else f" {e.unit}"
-    return f"{name} {e.value:.3g} [{e.low:.3g}, {e.high:.3g}]{unit}{' at its bound' if e.at_bound else ''}"
+    return f"{name} {e.value:.3g} [{e.low:.3g}, {e.high:.3g}]{suffix(e.unit)}{' at its bound' if e.at_bound else ''}"
 
 
 def _signal(residual: Sequence[ResidualShare] | None) -> str:

@@ -9,8 +9,9 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from dynreg.results.diagnosis import Verdict
+from dynreg.diagnose.kinds import Verdict
 from dynreg.results.result import Result
+from dynreg.sim.sizes import SIZES, Size
 
 
 class Rate(Result):
@@ -70,7 +71,7 @@ class TrialResult(Result):
     seed: int
     hidden: str | None
     outside: bool = False
-    size: Literal["weak", "medium", "strong"] | None = None
+    size: Size | None = None
     joints: tuple[str, ...] = ()
     bodies: tuple[str, ...] = ()
     hidden_values: dict[str, float] = {}
@@ -156,7 +157,7 @@ class TrialTable(Result):
         """The table of these trials."""
         with_effect = [t for t in trials if t.hidden is not None and not t.outside]
         sets = sorted(t.size_of_set for t in with_effect if t.size_of_set)
-        sizes = [s for s in ("weak", "medium", "strong") if any(t.size == s for t in with_effect)]
+        sizes = [s for s in SIZES if any(t.size == s for t in with_effect)]
         return cls(
             robot=robot,
             trials=tuple(trials),

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from dynreg.adapt.tried import Tried
+from dynreg.data.units import suffix
 from dynreg.gait.accept import USUAL
 from dynreg.gait.seek import expected, simulated
 from dynreg.gait.tasks import Task
@@ -48,8 +49,7 @@ def _on_robot(tried: Sequence[Tried], best: Tried, task: Task) -> str:
     """What the robot did: all else in the document is simulated."""
     own, every = len(best.trials), sum(len(one.trials) for one in tried)
     falls = sum(one.fell for one in tried)
-    unit = "" if task.unit == "1" else f" {task.unit}"
     return (
-        f"on the robot: {best.score:.4g}{unit}, the mean of {own} of {every} trials there, of which {falls} ended with"
-        " a fall; all other figures are simulated"
+        f"on the robot: {best.score:.4g}{suffix(task.unit)}, the mean of {own} of {every} trials there, of which"
+        f" {falls} ended with a fall; all other figures are simulated"
     )

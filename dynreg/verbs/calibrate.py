@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dynreg.errors import Assumed, NoMatchError, UsageError, command
-from dynreg.methods.table import METHODS
+from dynreg.methods.table import METHODS, USUAL
 from dynreg.progress import Progress
 from dynreg.search.table import FORMER
 from dynreg.verbs.settings import Settings, hold_out, option, seed, threads
@@ -45,9 +45,9 @@ class CalibrateSettings(Settings):
     seed: int = seed("; `nearest`, `synthesis` and `ttest` do not use it")
     budget: int | None = option(
         None,
-        "Most simulations; those by which `nearest` and `synthesis` rank entries, and those that describe the gait of"
-        " `btr`, come on top.",
-        usual="600 of a search, else its own number",
+        "Most simulations, without those that rank entries for `nearest` and `synthesis` or describe the gait of"
+        " `btr`.",
+        usual=f"{USUAL} of a search, else its own number",
         least=1,
     )
     hold_out: str | None = hold_out()
@@ -105,10 +105,10 @@ class CalibrateSettings(Settings):
 
 
 def unfit(name: str, shown: str, method: str, setting: str) -> UsageError:
-    """The error for an argument that means nothing to a method, but to those that take a setting."""
+    """The error for an argument that has no meaning for a method, but for those that take a setting."""
     return UsageError(
-        f"{name}{shown} with method {method!r}, to which it means nothing",
-        expected=f"it with {', '.join(able(setting))}",
+        f"{name}{shown} has no meaning for method {method!r}",
+        expected=f"method {' or '.join(able(setting))}",
         do="leave it out, or choose another method",
         setting=name,
     )

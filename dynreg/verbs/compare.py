@@ -4,7 +4,7 @@ import time
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
-from dynreg.errors import DynregError, NoMatchError, RobotError, UsageError
+from dynreg.errors import DynregError, NoMatchError, UsageError
 from dynreg.progress import Progress
 from dynreg.verbs.newest import about, newest_for
 from dynreg.verbs.settings import Settings, hold_out, option, seed, threads
@@ -16,10 +16,12 @@ if TYPE_CHECKING:
     from dynreg.compare.contenders import Plan
     from dynreg.compare.rollouts import Scored
     from dynreg.results.comparison import Comparison
+    from dynreg.sim.robot import Robot
     from dynreg.verbs.simulator import Simulator
     from dynreg.verbs.subjects import Recorded
 
 MODELS = ("kinematic", "dynamic", "table", "network", "mlp")  # the names that `compare.contenders` knows
+WHEELS = ("models", "starts", "generations", "longest")  # settings of robots on wheels alone
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,11 @@ class CompareSettings(Settings):
     seed: int = seed()
     threads: int = threads()
 
+    def meant_for(self, robot: "Robot", on_wheels: bool) -> None:
+        """UsageError for a setting that has no meaning for a robot: it would be left unused."""
+        if not on_wheels:
+            self.refuse(WHEELS, f"for robot {robot.name!r}, which has no wheels", "simulators, with --with")
+
 
 def compare(asked: "Recorded", settings: CompareSettings, progress: Progress | None = None) -> "Comparison":
     """Compare simulators by their held-out error.
@@ -63,24 +70,19 @@ def compare(asked: "Recorded", settings: CompareSettings, progress: Progress | N
 
     Example: dynreg compare monday --with nominal,@answer --report monday.html
 
-    Raises NoMatchError where the registry lacks a simulator, UsageError where fewer than two are to be compared or
-    nothing was held out from all of them, and what `compare.compare` does.
+    Raises NoMatchError where the registry lacks a simulator, UsageError where fewer than two are to be compared,
+    nothing was held out from all of them, or a setting has no meaning for the robot, and what `compare.compare` does.
     """
     from dynreg.compare.contenders import Plan as ModelPlan
     from dynreg.timed.wheels import steering
     from dynreg.verbs.comparison import document
 
     began = time.perf_counter()
+    on_wheels = steering(asked.robot) is not None
+    settings.meant_for(asked.robot, on_wheels)
     refs = found(asked) if settings.simulators is None else settings.simulators
     chosen = named(asked, refs)
-    on_wheels = steering(asked.robot) is not None
     models = (settings.models if settings.models is not None else MODELS) if on_wheels else ()
-    if settings.models and not on_wheels:
-        raise RobotError(
-            f"models {','.join(settings.models)} of robot {asked.robot.name!r}, which has no wheels",
-            expected="simulators to compare",
-            do="name them with --with, and leave --models out",
-        )
     _require_two(models, chosen)
     same = [one.name for one in fields(ModelPlan) if one.name != "models"]
     plan = ModelPlan(models=models, **{name: getattr(settings, name) for name in same})

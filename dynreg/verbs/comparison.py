@@ -151,8 +151,8 @@ def _seen(asked: Recorded, simulators: Mapping[str, Simulator], found: Compared)
             many = int(np.isin(names, sorted(one.fitted_to | one.inherited)).sum())
             fitted = f"episodes that hold {many} of the {len(names)} test commands"
         out.append(
-            f"{name} was fitted to {fitted}. It may have seen them, which models made here have not: it is in no pair,"
-            " and not off least beside others"
+            f"{name} was fitted to {fitted}. It may have seen them, which models made here have not, so it is in"
+            " no pair, and cannot come first"
         )
     return tuple(out)
 

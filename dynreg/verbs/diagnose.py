@@ -104,7 +104,8 @@ def windows(of: str = "") -> int | None:
 def ranker(of: str = "") -> str:
     """The setting of what says which causes to try first."""
     about = (
-        "What says which causes to try first: simulators with one effect each (auto: if they are registered)."
+        "Whether simulators with one effect each order the causes to try (auto: if they are registered; make: make "
+        "them)."
     )
     return option(DiagnosisOptions.ranker, _of(of, about), choices=("auto", "make", "off"))
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from dynreg.data.names import joint_of
 from dynreg.data.recording import Recording
+from dynreg.data.units import suffix
 from dynreg.diagnose.account import Account
 from dynreg.diagnose.diagnose import Diagnosed, no_candidates
 from dynreg.diagnose.doubts import at_bounds
@@ -13,7 +14,7 @@ from dynreg.diagnose.measured import measured_effects
 from dynreg.diagnose.noise import own_noise
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.problem import Problem
-from dynreg.diagnose.threshold import FEW, USUAL
+from dynreg.diagnose.threshold import ALARMS, CONFIDENCE, FEW, USUAL
 from dynreg.diagnose.verdict import rivals
 from dynreg.diagnose.where import ErrorRow
 from dynreg.errors import command
@@ -76,7 +77,7 @@ def inputs(problem: Problem, recording: Recording) -> tuple[str, ...]:
                 "result of the motion"
             )
         elif table.optional:
-            out.append(f"{table.name} was not measured: {table.nominal:g} {table.unit} is assumed")
+            out.append(f"{table.name} was not measured: {table.nominal:g}{suffix(table.unit)} is assumed")
     for name, by in measured_effects(problem.model.robot, problem.data.train).items():
         out.append(f"{name} is not a candidate: the measured input {by} already contains it")
     return tuple(out)
@@ -250,8 +251,7 @@ def _pull(p: Pulled) -> float:
 
 def _shift(name: str, p: Pulled) -> str:
     """From where to where a parameter was moved: "tip_mass from 0.189 to 0.235 kg"."""
-    unit = "" if p.unit == "1" else f" {p.unit}"
-    return f"{name} from {p.nominal:.3g} to {p.value:.3g}{unit}"
+    return f"{name} from {p.nominal:.3g} to {p.value:.3g}{suffix(p.unit)}"
 
 
 def experiments(made: Diagnosed) -> tuple[str, ...]:
@@ -281,8 +281,8 @@ def threshold_note(scores: Sequence[float]) -> str:
     if len(scores) < FEW:
         return f"{reached}: too few to set one below the usual {USUAL:.3g} nats, which takes {FEW} of them"
     return (
-        f"{reached}. With 80 % confidence at most 1 in 100 of them would exceed the threshold, by their largest "
-        "scores. More runs make it more certain"
+        f"{reached}. With {100 * CONFIDENCE:g} % confidence at most {100 * ALARMS:g} in 100 of them would exceed the "
+        "threshold, by their largest scores. More runs make it more certain"
     )
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from dynreg.errors import NoMatchError, UsageError
 from dynreg.progress import Progress
 from dynreg.verbs.diagnose import DiagnoseSettings, horizon, threshold_runs, tolerance, windows
-from dynreg.verbs.settings import Settings, option, options, seed, threads
+from dynreg.verbs.settings import Settings, option, seed, threads
 
 if TYPE_CHECKING:
     from dynreg.drift.compared import Plan
@@ -58,26 +58,11 @@ class DriftSettings(Settings):
         """UsageError for a setting that has no meaning for a robot: it would be left unused."""
         on_wheels = by_cells(robot)
         unused, used = (OTHERS, WHEELS) if on_wheels else (WHEELS, OTHERS)
-        for one, how in options(DriftSettings):
-            value = getattr(self, one.name)
-            if one.name not in unused or value == one.default:
-                continue
-            told = (
-                f"{how.flag.split('/')[-1]}"
-                if isinstance(value, bool) and how.flag
-                else how.flag_of(one.name)
-            )
-            shown = (
-                ""
-                if isinstance(value, bool)
-                else f" {','.join(value) if isinstance(value, tuple) else value}"
-            )
-            raise UsageError(
-                f"{told}{shown} has no meaning for robot {robot.name!r}, which has {'a' if on_wheels else 'no'} "
-                "[base] table",
-                expected=f"settings of such a robot: {', '.join(name.replace('_', '-') for name in used)}",
-                do=f"leave {told} out",
-            )
+        self.refuse(
+            unused,
+            f"for robot {robot.name!r}, which has {'a' if on_wheels else 'no'} [base] table",
+            f"settings of such a robot: {', '.join(name.replace('_', '-') for name in used)}",
+        )
 
     @property
     def plan(self) -> "Plan":

@@ -3,6 +3,7 @@
 import numpy as np
 
 from dynreg.data.names import parts_of
+from dynreg.data.units import suffix
 from dynreg.excite.excite import Chosen
 from dynreg.excite.limits import Limits, joint_range
 from dynreg.excite.playing import closed
@@ -70,7 +71,7 @@ def _note(chosen: Chosen, silent: list[str]) -> str:
     parts.append("; ".join(f"{e}: {name}" for e, name in enumerate(pool.names)))
     for k, table in enumerate(robot.file.settings):
         column = run.settings[:, k]
-        unit = "" if table.unit == "1" else f" {table.unit}"
+        unit = suffix(table.unit)
         for value in np.unique(column[column != table.nominal]):
             where = ", ".join(map(str, np.flatnonzero(column == value)))
             parts.append(f"set {table.name} = {value:g}{unit} in {where}")

@@ -9,7 +9,7 @@ from dynreg.gait.accept import ACCEPT, EACH, USUAL
 from dynreg.gait.had import Had
 from dynreg.progress import Progress
 from dynreg.verbs.settings import Settings, method, option, seed, threads
-from dynreg.verbs.simulator import NOMINAL, OLD, POSTERIOR, WORDS
+from dynreg.verbs.simulator import NOMINAL, OLD, POSTERIOR, QUERIED, WORDS
 
 if TYPE_CHECKING:
     from dynreg.gait.seek import SearchSettings
@@ -22,6 +22,7 @@ SOURCES = (POSTERIOR, *WORDS, NOMINAL, "random", "population")
 # (bench_gait_ways).
 ON = POSTERIOR
 SEVERAL = ("nearest", "random", "population")  # which mean k simulators
+USING = {"k": (*dict.fromkeys((*QUERIED, *SEVERAL)),), "population": (*QUERIED, "random")}  # by a setting
 MANY = 16  # simulators of the posterior at most, the answer among them
 # Of a search in them, see `SearchSettings`: by seven quadrupeds of the development. bench_gait_ways and `rounds` of
 # bench_gait_hidden have what they bring on others.
@@ -74,6 +75,16 @@ class GaitSettings(Settings):
     )
     seed: int = seed()
     threads: int = threads()
+
+    @property
+    def unused(self) -> tuple[str, ...]:
+        """Settings of a query or of draws, where the simulators come from neither."""
+        return tuple(name for name, on in USING.items() if self.on not in on)
+
+    def meant(self) -> None:
+        """UsageError for a setting that has no meaning in these simulators: it would be left unused."""
+        for name in self.unused:
+            self.refuse((name,), f"with --on {self.on}", f"--on {' or '.join(USING[name])}")
 
     @property
     def turns(self) -> bool:
@@ -145,7 +156,7 @@ def gait(
     Example: dynreg gait monday --rollouts 15000
 
     Raises RobotError if the robot has no such task, NoMatchError if no simulator is close enough, UsageError if there
-    are too few simulators or another run of the same search has not ended.
+    are too few simulators, a setting has no meaning in them or another run of the same search has not ended.
     """
     from dynreg.gait.forecast import best_first
     from dynreg.gait.seek import expected
@@ -157,6 +168,7 @@ def gait(
     from dynreg.verbs.query import QuerySettings
 
     began = time.perf_counter()
+    settings.meant()
     robot = asked.robot
     task = task_of(robot, settings.task)
     gait_space(robot, task.motion)  # raises its errors before the registry is read, as too few rollouts do

@@ -13,7 +13,7 @@ from dynreg.progress import Progress
 from dynreg.verbs.gait import GaitSettings
 from dynreg.verbs.next_gait import Tried, forecasts, had_by, next_gait, told_by
 from dynreg.verbs.settings import option
-from dynreg.verbs.simulator import POSTERIOR, WORDS
+from dynreg.verbs.simulator import QUERIED
 
 if TYPE_CHECKING:
     from dynreg.gait.tasks import Task
@@ -142,11 +142,10 @@ def _require_seen(task: "Task", real: "RealRobot") -> None:
 
 def require_query(on: str) -> None:
     """UsageError where a word names simulators that no query of a trial's log can name anew."""
-    told = [POSTERIOR, *(word for word, one in WORDS.items() if one.made_by == "query")]
-    if on not in told:
+    if on not in QUERIED:
         raise UsageError(
             f"trials on the robot with --on {on}",
-            expected=f"one of {', '.join(told)}: a query of each trial's log names the next simulators",
+            expected=f"one of {', '.join(QUERIED)}: a query of each trial's log names the next simulators",
             do="choose one of them, or seek one gait without trials",
         )
 

@@ -17,7 +17,7 @@ from dynreg.rng import stream, stream_seed
 from dynreg.sim.config import SimConfig
 from dynreg.verbs.neighbours import judged
 from dynreg.verbs.query import QuerySettings, query, retrieved
-from dynreg.verbs.simulator import NAMES, NOMINAL, POSTERIOR, WORDS, Simulator
+from dynreg.verbs.simulator import NAMES, NOMINAL, POSTERIOR, QUERIED, Simulator
 from dynreg.verbs.simulators import own, simulator
 from dynreg.verbs.subjects import Recorded, population_for
 
@@ -46,7 +46,7 @@ def choose(
         return _MADE[on](asked, settings, seed)
     if on == POSTERIOR:
         return _posterior(asked, settings, many, seed, progress)
-    if on in WORDS and WORDS[on].made_by == "query":
+    if on in QUERIED:
         found = _close_enough(asked, settings, progress)
         if on == "nearest":
             named = simulators_named(asked, [n.entry for n in found.neighbours])

@@ -5,6 +5,7 @@ from dataclasses import replace
 from dynreg.diagnose.account import Account
 from dynreg.diagnose.diagnose import Diagnosed
 from dynreg.evidence.estimate import Estimate, estimates
+from dynreg.evidence.hypothesis import WORTH
 from dynreg.results.diagnosis import EffectEstimate, Inseparable, Looked
 from dynreg.sim.effects import Term
 from dynreg.verbs.diagnosis_words import excite_command
@@ -67,5 +68,5 @@ def _may_be_absent(term: Term, own: dict[str, Estimate]) -> bool:
     """Whether every interval contains a negligible size (half the weak one)."""
     sized = [(own[p.name], p.inverse) for p in term.effect.parameters if not p.shape]
     return all(
-        not inverse and e.low <= 0.5 * e.sizes[0] and e.high >= -0.5 * e.sizes[0] for e, inverse in sized
+        not inverse and e.low <= WORTH * e.sizes[0] and e.high >= -WORTH * e.sizes[0] for e, inverse in sized
     )

@@ -37,6 +37,7 @@ from dynreg.verbs.compare import CompareSettings
 from dynreg.verbs.navigate_settings import NavigateSettings
 from dynreg.verbs.subjects import Recorded
 
+_MOSTLY = f"{20 * MOST[1]:g} of 20"  # commands of a recording, as notes say it
 INNER = 0.5  # of a square, into which the search has a path get: a choice
 SHOWN = 6  # drives that are drawn
 LONG = (0.5, 2.0)  # s: commands that are advised where those of a recording are shorter and lead nowhere
@@ -202,7 +203,7 @@ def _notes(found: Planned) -> tuple[str, ...]:
     usual, longest = _usual(found), found.ranges.seconds[1]
     if _beyond(found):
         out.append(
-            f"19 of 20 commands of the recording last {usual:.2g} s or less, and those of the plan up to"
+            f"{_MOSTLY} commands of the recording last {usual:.2g} s or less, and those of the plan up to"
             f" {longest:.2g} s: the errors of such long ones are hardly known"
         )
     used, length = int((~found.plan.null).sum()), found.runs.shape[1]
@@ -229,7 +230,7 @@ def _why(found: Planned) -> str:
     longest = np.floor(100.0 * longest + 1e-6) / 100.0  # as it is written, and no longer than the recording's
     if usual < LONG[0] and longest > usual + ranges.tick and not _beyond(found):
         out += (
-            f"; 19 of 20 commands of the recording last {usual:.2g} s or less, so try"
+            f"; {_MOSTLY} commands of the recording last {usual:.2g} s or less, so try"
             f" --seconds {min(LONG[0], longest / 2):g},{longest:g}"
         )
     return out

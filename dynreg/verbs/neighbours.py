@@ -273,8 +273,8 @@ def _alarm(judgement: Judgement, entries: int) -> tuple[str | None, tuple[str, .
             f"{judgement.repeats} pair{'' if judgement.repeats == 1 else 's'} of runs with the same commands"
         )
         unsteady = (
-            f"{runs} differ by more than those of such a simulator: the error that counts as usual is "
-            f"{judgement.unsteady:.2g} times as large for it",
+            f"{runs} differ by more than those of such a simulator, so the usual error is taken "
+            f"{judgement.unsteady:.2g} times as large",
         )
     if judgement.fits:
         return None, (size if limit is None else f"{size} (limit {limit:.2g})", *ended, *unsteady)

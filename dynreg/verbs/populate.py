@@ -83,6 +83,13 @@ def populate(
             expected="one of them: simulators with effects are told apart at one robot, and are not linked",
             do=f"leave {other} out",
         )
+    if settings.effects and (training is not None or settings.shard_size != PopulateSettings.shard_size):
+        other = "shard_size" if training is None else "training"
+        raise UsageError(
+            f"effects with {other}",
+            expected="one of them: simulators with effects have no models, and shards of one size",
+            do=f"leave {other} out",
+        )
     if settings.dry_run and settings.executor != "local":
         raise UsageError(
             f"--dry-run with --executor {settings.executor}",

@@ -38,7 +38,7 @@ class QuerySettings(Settings):
     budget: int | None = option(
         None,
         "Most simulations of the query; those of --distance replay come on top.",
-        usual="69, 26 for each parameter and three for each channel with noise",
+        usual="69, 26 for each parameter and 3 for each channel with noise; without noise 59 and 22 for each parameter",
         least=1,
         shared=True,
     )
@@ -72,11 +72,11 @@ def query(
     On a population of effects (`dynreg populate --effects --like RECORDING`) it shows which causes the recording looks
     like instead.
 
-    Where held-out data do not show that the answer errs less than the nominal simulator, or are too few to tell, the
-    headline says so. So it does where the search had not ended.
+    The headline says so where held-out data do not show that the answer beats the nominal simulator, where they are too
+    few, or where the search had not ended.
 
-    Exit status 4: no simulator of the population fits the recording. The answer errs more than a right one would, by
-    simulated robots with noise. The result is printed nevertheless.
+    Exit status 4: no simulator of the population fits: the answer errs more than simulated robots with noise would. The
+    result is printed nevertheless.
 
     Example: dynreg query monday -k 5 --hold-out kp=400 --report monday.html
 

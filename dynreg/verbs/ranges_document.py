@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from dynreg.data.units import suffix
 from dynreg.errors import UsageError, command
 from dynreg.evidence.estimate import NORMAL_90, free_quantities, unit_of
 from dynreg.evidence.gaussian import Gaussian, coordinates
@@ -252,7 +253,5 @@ def _model(robot: Robot, found: Simulator) -> dict[str, object]:
         "made_by": command("export", found.id[:12], "--as", "robot", "--to", "FOLDER"),
         "control_rate": rate,
         "timestep": None if period is None else float(period / robot.substeps(period)),
-        "settings": tuple(
-            f"{s.name} = {s.nominal:g}" + ("" if s.unit == "1" else f" {s.unit}") for s in robot.file.settings
-        ),
+        "settings": tuple(f"{s.name} = {s.nominal:g}{suffix(s.unit)}" for s in robot.file.settings),
     }

@@ -83,7 +83,7 @@ def door_of(
     if log_map is not None:
         raise UsageError(
             f"log_map {str(log_map)!r} with a robot that Python plays",
-            expected="it with a folder, whose logs it tells how to read",
+            expected="a map only with a folder of trials, whose logs it reads",
             do="leave it out, and have the function read the log with it",
             setting="log_map",
         )

@@ -12,6 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynreg.data.recording import Recording
+from dynreg.data.units import suffix
 from dynreg.errors import LogError, MapError, UsageError
 from dynreg.gait.logged import trial_of
 from dynreg.gait.tasks import Task
@@ -106,7 +107,7 @@ class ScoredFolder(TrialFolder):
                     f"{problem.problem}; expected {problem.expected}; correct {found.name}: it is waited for"
                 )
                 continue
-            read = FELL if score is None else f"{score:.6g}{_unit(self.task)}"
+            read = FELL if score is None else f"{score:.6g}{suffix(self.task.unit)}"
             self.say(f"trial {_number(name)}: {read}, by {found.name}")
             return answer
 
@@ -150,7 +151,7 @@ class ScoredFolder(TrialFolder):
 
     def _ask(self, seconds: float, name: str) -> None:
         """Ask for a trial; before the first one, say what to measure and how to answer."""
-        unit = _unit(self.task)
+        unit = suffix(self.task.unit)
         if not self.hinted:
             self.hinted.append(name)
             self.say(f"task {self.task.name!r}: {_measure(self.task)}")
@@ -217,10 +218,6 @@ def _measure(task: Task) -> str:
     told = {name: value for name, value in task.values.items() if not math.isnan(value)}
     numbers = ", ".join(f"{name} = {value:.6g}" for name, value in told.items())
     return f"{said} ({numbers})" if numbers else said
-
-
-def _unit(task: Task) -> str:
-    return "" if task.unit == "1" else f" {task.unit}"
 
 
 def _many(trials: int) -> str:

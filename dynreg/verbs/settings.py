@@ -181,6 +181,26 @@ class Settings:
             object.__setattr__(self, one.name, value)
             how.check(one.name, value)
 
+    @property
+    def unused(self) -> Collection[str]:
+        """Names of settings that do nothing beside the others; what a settings file tells of them is passed over."""
+        return ()
+
+    def refuse(self, names: Collection[str], where: str, expected: str) -> None:
+        """UsageError for the first of these settings that is told otherwise than usual: it would be left unused.
+
+        where : beside what it would do nothing, as in "for robot 'leg'". expected : what has a meaning there.
+        """
+        for one, how in options(type(self)):
+            value = getattr(self, one.name)
+            if one.name not in names or value in (one.default, ()):
+                continue
+            switch = isinstance(value, bool)
+            flag = how.flag.split("/")[-1] if switch and how.flag else how.flag_of(one.name)
+            shown = "" if switch else f" {','.join(value) if isinstance(value, tuple) else value}"
+            problem = f"{flag}{shown} has no meaning {where}"
+            raise UsageError(problem, expected=expected, do=f"leave {flag} out")
+
 
 def typed(one: Field, value: Any) -> Any:
     """A setting's value as its type; UsageError for a number or a flag that is none."""

@@ -52,6 +52,7 @@ WORDS: Mapping[str, Word] = {
     ),
 }
 NAMES = (NOMINAL, *WORDS)
+QUERIED = (POSTERIOR, *(word for word, one in WORDS.items() if one.made_by == "query"))  # what a query tells
 RECOMMENDED = {
     "neighbours": "@answer",
     "calibration": "calibrated",

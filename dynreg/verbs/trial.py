@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from dynreg.errors import UsageError
 from dynreg.progress import Progress
+from dynreg.sim.sizes import SIZES
 from dynreg.verbs.diagnose import threshold_runs
 from dynreg.verbs.settings import Settings, address, executor, option, seed, threads
 
@@ -20,7 +21,6 @@ HIDES = ("drawn", "chosen", "nothing", "every")
 TOGETHER = 8  # robots diagnosed in lockstep: more take more memory, and save no time
 TRUTHS = ("own", "independent")
 PHYSICS = ("same", "other")
-SIZES = ("weak", "medium", "strong")  # as in `sim.effects`, whose import takes long
 
 
 @dataclass(frozen=True)

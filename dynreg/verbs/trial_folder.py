@@ -98,7 +98,7 @@ class TrialFolder:
         if (found := self._answer(name)) is not None:
             begun = any(self.path.glob("trial_*[0-9].csv"))  # whose answers a new folder would lose
             raise UsageError(
-                f"{str(found)!r} is there, and {name}.csv, to which it would be the answer, was never written",
+                f"{str(found)!r} answers {name}.csv, which was never written",
                 expected="an answer after the robot has played the trial",
                 do=f"remove it; then {self.goes_on}" if begun else "remove it, or name a new folder",
             )

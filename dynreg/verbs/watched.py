@@ -22,14 +22,21 @@ def watched(registry: Registry, ref: str, beside: str | None = None, *, threads:
 
     ref : a recording or a result, by id, unique prefix or name, or `@last`, the last recording. beside : a simulator,
     see `simulators`; by default what the result recommends, and for a recording the nominal simulator.
-    Raises NoMatchError where there is no such thing, UsageError for a result about no recording and for a simulator of
-    another robot, or of a version of it that the recording does not fit, LogError for a recording without commands.
+    Raises NoMatchError where there is no such thing, UsageError for a result about no recording, a simulator beside a
+    gait, and one of another robot or of a version of it that the recording does not fit, LogError for a recording
+    without commands.
     """
     kind, identity = registry.resolve(ref, ("recording", "result"))
     asked: str | ResultRecord = ref
     if kind == "result":
         asked = record = registry.result(identity)
         if record.kind == "gait":
+            if beside is not None:
+                raise UsageError(
+                    f"simulator {beside!r} beside gait {ref!r}",
+                    expected="a recording, or a result about one: a gait is shown in its own simulator",
+                    do="name no simulator, or a recording of the played gait",
+                )
             return _walk(registry, gait_of(registry, identity))
         if not record.recording_id:
             raise UsageError(

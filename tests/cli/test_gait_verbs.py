@@ -44,6 +44,13 @@ def test_gait_passes_its_options_on(dynreg, asked) -> None:
     }
 
 
+def test_a_settings_file_may_tell_what_does_nothing_in_these_simulators(dynreg, asked) -> None:
+    Path("dynreg.toml").write_text("k = 9\n")
+    for line, k in (("--on nominal", 5), ("--on nominal -k 7", 7), ("--on random", 9), ("", 9)):
+        assert dynreg("gait", "yard", *line.split()).status == 0
+        assert asked.asked[-1][2]["k"] == k
+
+
 def test_gait_answers_in_json_and_in_tables(dynreg, asked) -> None:
     document = json.loads(dynreg("gait", "yard", "--json").out)
     assert model_of(document["schema"]).model_validate(document) == asked.answers["gait"]

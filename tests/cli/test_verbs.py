@@ -279,8 +279,8 @@ def test_calibrate_takes_a_robot_and_a_folder_for_its_trials(dynreg, session) ->
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("calibrate log --method cma --trial t", "--trial with method 'cma', to which it means nothing"),
-        ("calibrate log --method cma --gait 1f2e", "--gait with method 'cma', to which it means nothing"),
+        ("calibrate log --method cma --trial t", "--trial has no meaning for method 'cma'"),
+        ("calibrate log --method cma --gait 1f2e", "--gait has no meaning for method 'cma'"),
         ("calibrate log --method btr --trial t --robot leg", "--robot 'leg' with method 'btr'"),
         ("calibrate leg --method cma", "method 'cma' needs a recording, and 'leg' is a robot"),
     ],

@@ -238,9 +238,16 @@ def test_less_than_an_interrupted_plan_makes_no_more_than_its_shards(registry):
     [
         ({"effects": True, "like": "log", "link": False}, "--effects with --no-link"),
         ({"effects": True, "like": "log", "ranges": "wide"}, "--effects with --ranges wide"),
+        ({"effects": True, "like": "log"}, "effects with training"),
         ({"dry_run": True, "executor": "ray"}, "--dry-run with --executor ray"),
     ],
 )
 def test_what_would_do_nothing_is_refused(registry, told, says):
     with pytest.raises(UsageError, match=says):
         populate(registry, load_robot("servo_pendulum"), 8, PopulateSettings(**told), training=TRAINING)
+
+
+def test_shards_of_simulators_with_effects_have_one_size(registry):
+    told = PopulateSettings(effects=True, like="log", shard_size=5)
+    with pytest.raises(UsageError, match="effects with shard_size"):
+        populate(registry, load_robot("servo_pendulum"), 8, told)

@@ -1,5 +1,7 @@
 """What the page of a gait draws."""
 
+import re
+
 import made_up_gait
 
 from dynreg.report.gait import best_so_far, page
@@ -20,3 +22,10 @@ def test_feet_are_those_of_the_first_simulator_in_which_it_stood() -> None:
     left, width = spans[0]  # 0 to 1.5 s of 1 to 4 s
     assert left == 0.0 and abs(width - 100 * 0.5 / 3.0) < 1e-9
     assert len(drawn["ways"]) == 3 and len(drawn["joints"]) == 2
+
+
+def test_a_score_without_a_unit_shows_none() -> None:
+    found = made_up_gait.gait().model_copy(update={"unit": "1"})
+    rounds = made_up_gait.rounds().model_copy(update={"unit": "1"})
+    told = (str(found), found.brief(), str(rounds), rounds.rounds[-1].outcome("1"))
+    assert not [text for text in told if re.search(r"\d 1\b", text)]

@@ -259,10 +259,10 @@ def test_several_recordings_are_fitted_together_and_a_stage_may_name_one(
     ("told", "says"),
     [
         ({"method": "staged"}, "without a plan"),
-        ({"method": "cma", "plan": Path("x.toml")}, "means nothing"),
-        ({"method": "es", "population": "crowd"}, "means nothing"),
-        ({"method": "diagnose", "budget": 9}, "budget '9' with method 'diagnose'"),
-        ({"method": "nearest", "resume": True}, "resume with method 'nearest'"),
+        ({"method": "cma", "plan": Path("x.toml")}, "has no meaning for method"),
+        ({"method": "es", "population": "crowd"}, "has no meaning for method"),
+        ({"method": "diagnose", "budget": 9}, "budget '9' has no meaning for method 'diagnose'"),
+        ({"method": "nearest", "resume": True}, "resume has no meaning for method 'nearest'"),
         ({"method": "nearest", "budget": 3}, "a budget of 3"),
         ({"method": "staged", "plan": Path("aibo/nope")}, "aibo/air, aibo/ground"),
         ({"method": "hillary"}, "method 'hillary'"),
@@ -287,7 +287,7 @@ def test_it_begins_with_another_simulator_and_carries_what_that_had_fitted(
     ).fitted
     same = Question(cut, cut.robot.space.from_unit(cut.robot.space.to_unit(cut.robot.space.nominal))).fitted
     assert fitted.sum() == np.isnan(cut.known).sum() and not same.any(), "a rounded nominal value is no fit"
-    with pytest.raises(UsageError, match="means nothing"):
+    with pytest.raises(UsageError, match="has no meaning for method"):
         asked(session, place, "nearest", start=start.simulator)
     robot = load_robot("servo_pendulum")
     heavy = SimConfig.of(robot, 3.0 * robot.space.nominal)

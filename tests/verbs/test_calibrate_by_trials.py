@@ -387,11 +387,11 @@ def test_mistakes_have_one_clear_line_each(opened: Session, brief: Robot, short_
     for told in ({"robot": "diffdrive"}, {"log_map": "map.toml"}):
         with pytest.raises(UsageError, match=f"{[*told][0]} '{[*told.values()][0]}' with"):
             calibrated(opened, brief, door, **told)
-    with pytest.raises(UsageError, match="hold_out '0.25' with method 'btr'"):
+    with pytest.raises(UsageError, match="hold_out '0.25' has no meaning for method 'btr'"):
         calibrated(opened, brief, door, hold_out="0.25")
-    with pytest.raises(UsageError, match="trials '9' with method 'cma'"):
+    with pytest.raises(UsageError, match="trials '9' has no meaning for method 'cma'"):
         opened.calibrate("log", trials=9)
-    with pytest.raises(UsageError, match="robot_door with method 'cma'"):
+    with pytest.raises(UsageError, match="robot_door has no meaning for method 'cma'"):
         opened.calibrate("log", robot_door=door)
     with pytest.raises(LogError, match="has the score nan"):
         calibrated(opened, brief, lambda *_: float("nan"), seed=5)

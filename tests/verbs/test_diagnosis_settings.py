@@ -54,8 +54,9 @@ def test_bad_settings_of_a_trial_are_refused(given: dict, says: str) -> None:
 
 def test_a_trial_hides_effects_of_the_sizes_that_effects_have() -> None:
     from dynreg.sim import effects
+    from dynreg.truths import causes  # which shares no code with the model
 
-    assert effects.SIZES == SIZES
+    assert effects.SIZES == SIZES == causes.SIZES
 
 
 def test_settings_are_frozen_and_can_be_compared() -> None:

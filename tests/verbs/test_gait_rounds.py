@@ -634,7 +634,7 @@ def test_a_file_with_another_name_than_the_log_is_told_once(
 def test_a_log_from_before_its_commands_is_refused(brief: Robot, tmp_path: Path) -> None:
     (tmp_path / "trial_1_log.csv").write_text("time\n0\n1\n")
     folder = TrialFolder(tmp_path, None, brief, say=lambda _: None)
-    with pytest.raises(UsageError, match=r"trial_1_log.csv' is there, and trial_1.csv.* remove it"):
+    with pytest.raises(UsageError, match=r"trial_1_log.csv' answers trial_1.csv, which.* remove it"):
         folder.played(np.zeros((5, len(brief.actions))), brief.rate, "trial_1")
     assert not (tmp_path / "trial_1.csv").exists()
 

@@ -70,7 +70,8 @@ def test_an_answer_to_commands_that_were_never_written_is_refused(
     folder.mkdir()
     (folder / answer).write_text("0.2")
     with pytest.raises(
-        UsageError, match=f"{answer}' is there, and trial_1.csv.* remove it, or name a new folder"
+        UsageError,
+        match=f"{answer}' answers trial_1.csv, which was never written.* remove it, or name a new folder",
     ):
         calibrated(opened, brief, folder, print, resume=resume)
     assert [path.name for path in folder.iterdir()] == [answer]

@@ -10,7 +10,7 @@ from driven_robot import commands, config, logged
 import dynreg
 from dynreg.compare.compare import parts
 from dynreg.data.recording import Recording
-from dynreg.errors import LogError, NoMatchError, RobotError, UsageError
+from dynreg.errors import LogError, NoMatchError, UsageError
 from dynreg.results import Comparison
 from dynreg.session import Session
 from dynreg.sim.robot import Robot, load_robot
@@ -218,8 +218,16 @@ def test_models_without_wheels_and_logs_without_a_pose_are_refused(registry: Ses
         registry.compare("blind")
     bench = load_robot("servo_pendulum")
     registry.ingest(logged(bench, config(bench), [commands(bench, 5, 1)]), "servo_pendulum", name="bench")
-    with pytest.raises(RobotError, match="models kinematic of robot 'servo_pendulum', which has no wheels"):
-        registry.compare("bench", models=["kinematic"])
+    for name, value, said in (
+        ("models", ["kinematic"], "--models kinematic"),
+        ("starts", 3, "--starts 3"),
+        ("generations", 9, "--generations 9"),
+        ("longest", 0.5, "--longest 0.5"),
+    ):
+        with pytest.raises(
+            UsageError, match=f"{said} has no meaning for robot 'servo_pendulum', which has no wh"
+        ):
+            registry.compare("bench", **{name: value})
 
 
 def test_commands_that_are_short_or_have_no_pose_are_told_of(registry: Session, robot: Robot) -> None:

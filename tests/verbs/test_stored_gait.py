@@ -309,6 +309,20 @@ def test_simulators_of_other_robots_and_unknown_ones_are_refused(opened: Session
         opened.gait("log", on="nominal", k=0)
 
 
+@pytest.mark.parametrize(
+    ("on", "told", "says"),
+    [
+        ("nominal", {"k": 7}, "-k 7 has no meaning with --on nominal"),
+        ("diagnosed", {"population": "p"}, "--population p has no meaning with --on diagnosed"),
+        ("1a2b3c,nominal", {"k": 7}, "-k 7 has no meaning with --on 1a2b3c,nominal"),
+        ("population", {"population": "p"}, "--population p has no meaning with --on population"),
+    ],
+)
+def test_settings_of_a_query_are_refused_in_other_simulators(on: str, told: dict, says: str, opened) -> None:
+    with pytest.raises(UsageError, match=says):
+        opened.gait("log", on=on, **told)
+
+
 def interrupted(opened: Session, **settings: object) -> Path:
     """The journal of a search that was interrupted after its first batch."""
 

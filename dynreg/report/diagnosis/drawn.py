@@ -24,6 +24,7 @@ from dynreg.report.drawing import estimate_track, ruler, traces
 from dynreg.report.words import held_out_words, interval_text, interval_words, number
 from dynreg.results.diagnosis import Cause, Diagnosis, Ranked, RolloutError, Where
 from dynreg.results.sentence import over_start_sentence, times
+from dynreg.sim.sizes import SIZES
 
 SHOWN_CHANNELS = 10
 FEW_CHANNELS = 3  # as many stand side by side on a phone
@@ -111,7 +112,7 @@ def _cause(cause: Cause) -> dict[str, Any]:
     rulers = {}
     for name, e in cause.parameters.items():
         if e.sizes is not None:
-            marks = dict(zip(("weak", "medium", "strong"), e.sizes, strict=True))
+            marks = dict(zip(SIZES, e.sizes, strict=True))
             rulers[name] = ruler(e.value, e.low, e.high, marks) if len(set(e.sizes)) == 3 else None
     return {
         "of": cause,

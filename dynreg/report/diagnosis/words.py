@@ -2,6 +2,7 @@
 
 import math
 
+from dynreg.data.units import suffix
 from dynreg.errors import command
 from dynreg.report.words import count, interval, number
 from dynreg.results.diagnosis import (
@@ -264,10 +265,7 @@ def _warning(result: Diagnosis) -> str:
 def _valley(pair: Inseparable) -> str:
     """A pair of causes that make up for each other, and how far."""
     cause, rival = (
-        ", ".join(
-            f"{name} {number(e.low)} to {number(e.high)}{'' if e.unit == '1' else ' ' + e.unit}"
-            for name, e in of.items()
-        )
+        ", ".join(f"{name} {number(e.low)} to {number(e.high)}{suffix(e.unit)}" for name, e in of.items())
         for of in (pair.cause, pair.rival)
     )
     return f"The shares of {pair.between[0]} and {pair.between[1]}: {cause} goes with {rival}."

@@ -8,7 +8,6 @@ from dynreg.errors import UsageError, one_of
 from dynreg.plugins import with_plugins
 from dynreg.sim.effects import body, command, contact, drive, friction, sensor, stand, transmission, wheels
 from dynreg.sim.effects.effect import (
-    SIZES,
     Effect,
     EffectParameter,
     Moment,
@@ -20,6 +19,7 @@ from dynreg.sim.effects.effect import (
     stacked,
 )
 from dynreg.sim.robot import Robot
+from dynreg.sim.sizes import SIZES
 
 _PACKAGED = (
     command.CommandDelay,

@@ -15,7 +15,6 @@ from dynreg.sim.ports import Ports, slice_of
 from dynreg.sim.robot import Robot
 
 Values = Mapping[str, np.ndarray]  # the effect's parameters by name, each (rows, 1)
-SIZES = ("weak", "medium", "strong")
 DEGREE = np.pi / 180
 
 
