@@ -12,7 +12,7 @@ from dynreg.replay.cut import unbroken, usual_horizon
 from dynreg.replay.holes import holes
 from dynreg.replay.judged import Traced, ratio, traced
 from dynreg.replay.parts import names, parts
-from dynreg.replay.residual import scaled
+from dynreg.replay.residual import by_weight, scaled
 from dynreg.replay.rows import rows_of
 from dynreg.replay.windows import Windows
 from dynreg.sim.config import SimConfig, terms_of
@@ -38,7 +38,7 @@ class Errors:
     """Errors of n simulators in the rollouts of one horizon [s], by block: an episode, or a stretch of time in one.
 
     total : (n, B, C + 1) sums of absolute errors, in each channel's unit; the last column is of all channels, in units
-    of their spread and by their weight. many : (B, C + 1) what was summed. channels : (C,) columns in the robot's.
+    of their spread and by their weight; see `residual.by_weight`. many : (B, C + 1) what was summed. channels : (C,) columns in the robot's.
     noise : (C + 1,) the channels' stated noise, and that of all together. within : how many runs the blocks are
     stretches of; None where they are episodes.
     """
@@ -219,8 +219,9 @@ def _errors(
     each = np.where(known, off, 0.0).sum(axis=2)  # (n, W, C)
     rows = known.sum(axis=1)  # (W, C)
     share = weight / np.maximum(weight.sum(), 1e-12)
-    total = np.concatenate([each * spread, (each * share).sum(axis=2, keepdims=True)], axis=2)
-    many = np.concatenate([rows, (rows * share).sum(axis=1, keepdims=True)], axis=1)
+    together = (each * by_weight(measured[..., use], share)).sum(axis=2, keepdims=True)
+    total = np.concatenate([each * spread, together], axis=2)
+    many = np.concatenate([rows, (rows * (share > 0)).sum(axis=1, keepdims=True)], axis=1)
     blocks, within = _blocks(cut.episode[chosen], cut.rows[chosen])
     noise = robot.sensor_noise[use]
     member = (blocks[None] == np.unique(blocks)[:, None]).astype(float)

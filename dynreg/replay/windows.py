@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dynreg.errors import LogError
-from dynreg.replay.residual import scaled
+from dynreg.replay.residual import by_weight, scaled
 from dynreg.replay.velocity import pose_columns
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot
@@ -127,9 +127,9 @@ class Replayer:
     def residuals(
         self, values: np.ndarray, chosen: np.ndarray, initial: np.ndarray | None = None
     ) -> np.ndarray:
-        """(n, W, T, S') normalised and weighted residuals: their mean size is the replay error.
+        """(n, W, T, S') normalised and weighted residuals: their mean size in a window is its replay error.
 
-        Channels without weight are left out; see `residual.scaled`. initial : as in `states`.
+        Channels without weight are left out; see `residual.scaled` and `residual.by_weight`. initial : as in `states`.
         """
         return self.against(self.states(values, chosen, initial), self.windows.measured[chosen])
 
@@ -146,21 +146,22 @@ class Replayer:
 
     def against(self, states: np.ndarray, measured: np.ndarray) -> np.ndarray:
         """(n, W, T, S') residuals, as `residuals`, of states (n, W, T+1, S) held against rows (W, T+1, S)."""
-        use, scale = self._scored
-        spread = self.windows.spread[use]
-        return scaled(states[..., 1:, use], measured[:, 1:, use], spread) * scale
+        use, weight = self._scored
+        rows, spread = measured[:, 1:, use], self.windows.spread[use]
+        return scaled(states[..., 1:, use], rows, spread) * by_weight(rows, weight)[:, None]
 
     @property
     def residual_noise(self) -> np.ndarray:
         """(S',) standard deviation of the residuals of a perfect simulator, by the noise that the robot states."""
-        use, scale = self._scored
-        return self.robot.sensor_noise[use] / self.windows.spread[use] * scale
+        use, weight = self._scored
+        rows = self.windows.measured[:, 1:, use].reshape(-1, len(use))
+        return self.robot.sensor_noise[use] / self.windows.spread[use] * by_weight(rows, weight)
 
     @property
     def _scored(self) -> tuple[np.ndarray, np.ndarray]:
-        """The channels (S',) that have a weight, and these, 1 on average."""
+        """The channels (S',) that have a weight, and these."""
         use = np.flatnonzero(self.windows.weight > 0)
-        return use, self.windows.weight[use] * len(use)
+        return use, self.windows.weight[use]
 
 
 def errors(residuals: np.ndarray) -> np.ndarray:
