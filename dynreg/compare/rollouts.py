@@ -38,9 +38,9 @@ class Errors:
     """Errors of n simulators in the rollouts of one horizon [s], by block: an episode, or a stretch of time in one.
 
     total : (n, B, C + 1) sums of absolute errors, in each channel's unit; the last column is of all channels, in units
-    of their spread and by their weight; see `residual.by_weight`. many : (B, C + 1) what was summed. channels : (C,) columns in the robot's.
-    noise : (C + 1,) the channels' stated noise, and that of all together. within : how many runs the blocks are
-    stretches of; None where they are episodes.
+    of their spread and by their weight; see `residual.by_weight`. many : (B, C + 1) what was summed. channels : (C,)
+    columns in the robot's. noise : (C + 1,) the channels' stated noise, and that of all together. within : how many
+    runs the blocks are stretches of; None where they are episodes.
     """
 
     seconds: float
