@@ -39,8 +39,8 @@ class Errors:
 
     total : (n, B, C + 1) sums of absolute errors, in each channel's unit; the last column is of all channels, in units
     of their spread and by their weight; see `residual.by_weight`. many : (B, C + 1) what was summed. channels : (C,)
-    columns in the robot's. noise : (C + 1,) the channels' stated noise, and that of all together. within : how many
-    runs the blocks are stretches of; None where they are episodes.
+    columns in the robot's. scored : (C,) whether the last column counts them. noise : (C + 1,) the channels' stated
+    noise, and that of all together. within : how many runs the blocks are stretches of; None where they are episodes.
     """
 
     seconds: float
@@ -49,6 +49,7 @@ class Errors:
     total: np.ndarray
     many: np.ndarray
     channels: np.ndarray
+    scored: np.ndarray
     noise: np.ndarray
     within: int | None
 
@@ -232,6 +233,7 @@ def _errors(
         np.einsum("bw,nwc->nbc", member, total),
         member @ many,
         use,
+        share > 0,
         np.append(noise, (share * noise / spread).sum()),
         within,
     )

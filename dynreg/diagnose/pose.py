@@ -17,14 +17,13 @@ from dynreg.replay.cut import unbroken, usual_horizon
 from dynreg.replay.holes import holes, sentence, without_start
 from dynreg.replay.known import known_values
 from dynreg.replay.parts import Parts, parts, thinned
-from dynreg.replay.windows import Windows
+from dynreg.replay.windows import Windows, moves
 from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot, require_commands
 
 FEWEST = 50  # measured rows in each of fit and select, by contract: fewer samples identify no cause
 STANDS = 0.05  # rad (m) by which joints may differ from the settled reset pose: more is another pose
-STILL = 3.0  # standard deviations of its noise that a channel must move: less may be noise
 
 
 def pose(
@@ -139,9 +138,7 @@ def _check_motion(robot: Robot, cut: Windows, split: Parts) -> None:
             do="record one, for example with the commands that `dynreg excite` writes",
         )
     use = np.flatnonzero(cut.weight > 0)
-    noise = np.array([max(c.noise, c.quantum) for c in robot.file.channels])[use]
-    still = cut.spread[use] <= STILL * noise
-    if still.all():
+    if not moves(robot, cut.spread)[use].any():
         raise LogError(
             f"no measured channel moves by more than its noise (for example {robot.channels[use[0]]!r})",
             expected="motion",

@@ -210,7 +210,9 @@ def null_data(problem: Problem, robot: Robot, seed: int) -> Search[Data]:
     fit = np.arange(len(windows)) < len(posed.fit)
     parts = Parts(fit, ~fit, np.zeros_like(fit))
     every = np.arange(len(windows))
-    return replace(posed, windows=windows.scaled_by(model.robot, every), parts=parts)
+    scaled = windows.scaled_by(model.robot, every)
+    # whatever is still in it: it is scored by the channels that the log is scored by
+    return replace(posed, windows=replace(scaled, weight=windows.weight), parts=parts)
 
 
 def null_robot(model: Model, seed: int) -> Hidden:

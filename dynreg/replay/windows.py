@@ -14,6 +14,7 @@ from dynreg.sim.run import Run
 # rad, standard deviation of a heading that may be any: turns do not add to it
 ANYWHERE = np.pi / np.sqrt(3.0)
 STILL = 5.0  # times its noise that a channel of a base that stands still may move
+MOVES = 3.0  # standard deviations of its noise that a channel must move to be scored: less may be noise
 
 
 @dataclass(frozen=True)
@@ -172,7 +173,9 @@ def errors(residuals: np.ndarray) -> np.ndarray:
 def scales(robot: Robot, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Spread (S,) of measured rows (W, T+1, S), never below the noise, and the weights (S,) of channels in them.
 
-    That of a base's yaw is never above `ANYWHERE`. Raises LogError where no channel with a weight was measured.
+    That of a base's yaw is never above `ANYWHERE`. A channel weighs nothing that has no value after the start of a
+    window, nor one that is still (`moves`) while others move: its unit would be its noise, and drown theirs. Raises
+    LogError where no channel with a weight was measured.
     """
     import warnings
 
@@ -181,12 +184,23 @@ def scales(robot: Robot, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         spread = np.nanstd(measured, axis=(0, 1))
     if (pose := pose_columns(robot)) is not None:
         spread[pose[2]] = min(spread[pose[2]], ANYWHERE)
-    floor = np.array([max(c.noise, c.quantum, 1e-9) for c in robot.file.channels])
-    weight = np.array([c.weight for c in robot.file.channels]) * np.isfinite(measured).any(axis=(0, 1))
+    spread = np.maximum(np.nan_to_num(spread), _floor(robot))
+    weight = np.array([c.weight for c in robot.file.channels]) * np.isfinite(measured[:, 1:]).any(axis=(0, 1))
+    if (weight * moves(robot, spread)).any():
+        weight = weight * moves(robot, spread)
     if not weight.sum() > 0:
         raise LogError(
             "no channel with a weight was measured",
             expected=f"one of {[c.name for c in robot.file.channels if c.weight > 0]}",
             do="add it to the map, or give another channel a weight in robot.toml",
         )
-    return np.maximum(np.nan_to_num(spread), floor), weight / weight.sum()
+    return spread, weight / weight.sum()
+
+
+def moves(robot: Robot, spread: np.ndarray) -> np.ndarray:
+    """(S,) whether channels with this spread (S,) move by more than their noise could."""
+    return spread > MOVES * _floor(robot)
+
+
+def _floor(robot: Robot) -> np.ndarray:
+    return np.array([max(c.noise, c.quantum, 1e-9) for c in robot.file.channels])

@@ -75,9 +75,8 @@ def document(
     of_robot = parameters(model, found.current, seen)
     limit, spread = made.threshold, made.problem.data.spread
     judged = made.judged
-    worst = (
-        judged.errors[judged.CALIBRATED] / np.maximum(spread, 1e-12)
-    ).argmax()  # channel of the calibrated simulator
+    size = judged.errors[judged.CALIBRATED] / np.maximum(spread, 1e-12)
+    worst = int(size[np.isfinite(size)].argmax())  # channel of the calibrated simulator
     told = Diagnosis(
         robot=model.robot.name,
         recording=asked.recording.id,
@@ -100,7 +99,7 @@ def document(
             gaussian(model.coordinates, found.current, seen.draws, seen.unidentified.alone)
         ),
         moved=_moved(made) if found.accepted else (),
-        error=errors[int(worst)],
+        error=errors[worst],
         errors=errors,
         where=_where(seen),
         finding=finding(seen.where),
@@ -179,7 +178,7 @@ def _causes(made: Diagnosed, seen: Account) -> tuple[Cause, ...]:
 
 
 def _errors(made: Diagnosed) -> tuple[RolloutError, ...]:
-    """Errors of every weighted channel."""
+    """Errors of every scored channel that was measured in the judged part."""
     robot, judged = made.problem.model.robot, made.judged
     rows = dict(zip((*NAMES[:2], "unpenalised"), judged.errors, strict=False))
     rows["extended"] = judged.errors[judged.last]
@@ -193,6 +192,7 @@ def _errors(made: Diagnosed) -> tuple[RolloutError, ...]:
             part="test" if judged.tested else "select",
         )
         for c, column in enumerate(made.problem.data.use)
+        if np.isfinite(judged.errors[judged.CALIBRATED, c])
     )
 
 

@@ -23,6 +23,7 @@ from dynreg.results.sentence import times
 from dynreg.sim.robot import Robot
 from dynreg.sim.sets import FRICTION_FIELDS
 from dynreg.verbs.held_out import held_out_notes
+from dynreg.verbs.unscored import unscored_notes
 
 WORDS = {
     "reversals": "where the motion reverses",
@@ -123,6 +124,7 @@ def notes(
         )
     out += at_the_edge([name for name, _ in at_bounds(made.problem.model.coordinates, made.found.current)])
     out += held_out_notes(robot, made.problem.data.windows, made.problem.data.parts)
+    out += unscored_notes(robot, made.problem.data.windows, made.problem.data.parts)
     out += same_words(seen.same)
     return (*out, *identifiability_words(made.problem.model.robot, seen.unidentified, parameters))
 
