@@ -221,7 +221,8 @@ class Noise(Result):
 
     left : the unexplained error of the best simulator; where contacts make rollouts rough, the mean of its logarithm
     over the windows. basis : the source of the floor. The stated noise of a planar base includes that of its first
-    pose, which the whole path carries along. limit : the ratio up to which it counts as explained, with the sampling
+    pose, which the whole path carries along. ratio : left / floor; null, and the floor 0, where no run was repeated and
+    no noise is stated. limit : the ratio up to which it counts as explained, with the sampling
     error of both. white : whether the residual looks like white noise; null where unknown. usual : whether simulated
     robots without an effect leave as much; null where none were simulated. explained : whether any of these explains
     it; null in documents that were stored before that was told.

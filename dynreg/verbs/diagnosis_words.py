@@ -111,7 +111,13 @@ def notes(
     if made.verdict != "none":
         out += not_driven(made.problem.model.robot, seen.where)
     out += not_ranked(made, options)
-    if made.evidence.noise.basis == "stated_noise":
+    noise = made.evidence.noise
+    if noise.ratio is None:
+        out.append(
+            f"no run was repeated and robot.toml states no noise of {noise.channel}: what no simulator can explain is "
+            "not known. State the noise, or repeat a run"
+        )
+    elif noise.basis == "stated_noise":
         out.append(
             "no run was repeated: the residual is compared with the stated sensor noise, the least that any simulator "
             "leaves"
