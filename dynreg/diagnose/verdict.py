@@ -13,6 +13,7 @@ from dynreg.diagnose.pose import placed
 from dynreg.diagnose.score import Naming
 from dynreg.diagnose.tail import exceeded
 from dynreg.evidence.data import Data
+from dynreg.evidence.hypothesis import single_terms
 from dynreg.evidence.lockstep import Search
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
@@ -21,7 +22,7 @@ from dynreg.replay.residual import scaled
 from dynreg.replay.velocity import pose_columns
 from dynreg.replay.windows import Windows, standing
 from dynreg.rng import stream
-from dynreg.sim.effects import one_group
+from dynreg.sim.effects import Term, one_group
 from dynreg.sim.robot import Robot
 
 TINY = 1e-12  # lower bound of mean squares and noise, for logarithms and divisions
@@ -257,3 +258,12 @@ def rivals(robot: Robot, naming: Naming) -> list[str]:
     chosen = naming.chosen.point.hypothesis.terms[-1]
     others = [s.point.hypothesis.terms[-1] for s in naming.equivalent]
     return [t.key for t in others if not one_group(robot, chosen, t)]
+
+
+def group_of(robot: Robot, term: Term, without: Sequence[str] = ()) -> list[str]:
+    """Keys of the other terms of a term's exact group that can act on the robot: no commands tell them from it.
+
+    Whatever they scored, looked for or not. without : ids of effects that cannot be meant.
+    """
+    every = single_terms(robot, without=tuple(without))
+    return [t.key for t in every if t.key != term.key and one_group(robot, term, t)]

@@ -66,7 +66,7 @@ class Cause(EffectOn):
     evidence_nats : gain of the log-likelihood on the fit and select parts, less what its parameters cost. replaced :
     whether calibrated parameters, far from their nameplate, stand in for it: then its gain over them says little.
     equivalent : keys of the causes that explain the data as well; separate_by : the experiment that separates them.
-    inseparable : those of them that no commands separate: the others of its exact group.
+    inseparable : those of them that no commands separate: the others of its exact group, whatever they scored.
     gain : by how much it lowers the error on the test part; null where nothing was held out.
     """
 

@@ -7,8 +7,9 @@ import numpy as np
 from dynreg.diagnose.account import Account
 from dynreg.diagnose.diagnose import Diagnosed
 from dynreg.diagnose.doubts import replaced, stopped_by_bounds
+from dynreg.diagnose.measured import measured_effects
 from dynreg.diagnose.options import DiagnosisOptions
-from dynreg.diagnose.verdict import rivals
+from dynreg.diagnose.verdict import group_of, rivals
 from dynreg.evidence.estimate import gaussian
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
@@ -34,7 +35,6 @@ from dynreg.results.diagnosis import (
 )
 from dynreg.results.result import Cost, Gain
 from dynreg.results.sentence import diagnosis_sentence
-from dynreg.sim.effects import one_group
 from dynreg.verbs.diagnosis_words import experiments, finding, inputs, notes, threshold_note
 from dynreg.verbs.looked import inseparable, looked
 from dynreg.verbs.posteriors import posterior_told
@@ -152,10 +152,10 @@ def _gain(own: Gained | None) -> Gain | None:
 
 def _causes(made: Diagnosed, seen: Account) -> tuple[Cause, ...]:
     robot, found, out = made.problem.model.robot, made.found, []
+    held = measured_effects(robot, made.problem.data.train)
     for number, naming in enumerate(found.rounds[: found.accepted]):
         term = naming.chosen.point.hypothesis.terms[-1]
-        others = [s.point.hypothesis.terms[-1] for s in naming.equivalent]
-        same = tuple(t.key for t in others if one_group(robot, term, t))
+        same = tuple(group_of(robot, term, tuple(held)))
         apart = tuple(rivals(robot, naming))
         later = made.verdict if made.verdict == "partly_explained" else "ambiguous" if apart else "named"
         out.append(

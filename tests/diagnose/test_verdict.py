@@ -11,6 +11,7 @@ from dynreg.diagnose.verdict import (
     Evidence,
     Left,
     Noise,
+    group_of,
     most_left,
     noise_of,
     remaining,
@@ -83,6 +84,15 @@ def test_rivals_leave_the_exact_group_out():
         "force_offset[knee]", "asymmetric_friction[knee]", "asymmetric_friction", "cogging[knee]"
     )
     assert rivals(load_robot("leg"), naming) == ["asymmetric_friction", "cogging[knee]"]
+
+
+def test_a_cause_is_told_with_its_whole_exact_group_whatever_that_scored():
+    """A late logger was told as commands that arrive late, as if certain, where a diagnosis asked for these alone."""
+    servo, leg = load_robot("servo_pendulum"), load_robot("leg")
+    assert group_of(servo, term("command_delay")) == ["sensor_delay"]
+    assert group_of(servo, term("command_delay"), ["sensor_delay"]) == []
+    assert group_of(leg, term("force_offset[knee]")) == ["asymmetric_friction[knee]"]
+    assert group_of(leg, term("backlash[knee]")) == []
 
 
 def test_a_slip_in_one_window_does_not_hide_that_the_others_are_explained():
