@@ -38,7 +38,7 @@ from dynreg.results.sentence import diagnosis_sentence
 from dynreg.verbs.diagnosis_words import experiments, finding, inputs, notes, threshold_note
 from dynreg.verbs.looked import inseparable, looked
 from dynreg.verbs.posteriors import posterior_told
-from dynreg.verbs.subjects import Recorded
+from dynreg.verbs.subjects import Recorded, word_for
 
 MOVED = 0.5  # a parameter is reported as moved from this many standard deviations of its nameplate on
 PLACES = 12  # reported rows of `where`
@@ -104,7 +104,7 @@ def document(
         where=_where(seen),
         finding=finding(seen.where),
         looked=looked(made, seen),
-        inseparable=inseparable(made, seen),
+        inseparable=inseparable(made, seen, word_for(asked.registry, asked.robot)),
         noise=Noise(
             **vars(made.evidence.noise), usual=made.evidence.usual, explained=made.evidence.explained
         ),

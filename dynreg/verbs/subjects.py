@@ -291,15 +291,19 @@ def _newest(registry: Registry, robot_hash: str) -> RobotInfo:
     return registry.robot_versions(registry.robots()[robot_hash])[-1]
 
 
-def word_for(registry: Registry, info: RobotInfo) -> str:
-    """A registered robot on the command line: its name where that means this one, else a prefix of its hash."""
+def word_for(registry: Registry, info: "RobotInfo | Robot") -> str:
+    """A robot on the command line: its name where that means this one, else a prefix of its hash.
+
+    It is registered, or will be with what is answered.
+    """
     from dynreg.sim.robot import packaged_robots
 
     taken = info.name in packaged_robots() or _exists(info.name)
     if taken:
         means = loaded_robot(info.name).hash if info.name in packaged_robots() else None
     else:
-        means = registry.robot_versions(info.name)[-1].hash
+        known = registry.robot_versions(info.name)
+        means = known[-1].hash if known else info.hash
     return info.name if means == info.hash else info.hash[:12]
 
 
