@@ -19,6 +19,7 @@ from dynreg.diagnose.plans.plan import State
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Problem, planned
 from dynreg.diagnose.ranking.population import Ranking
+from dynreg.diagnose.score import passing
 from dynreg.diagnose.settle import revise, unlike
 from dynreg.diagnose.threshold import Cache, Nulls, Threshold, found_before, threshold
 from dynreg.diagnose.verdict import Evidence, Verdict, verdict_of
@@ -144,6 +145,7 @@ def search(
             ranking = ranking or own
             hints = problem.guide.hints(own, state.model, state.current, left)
         naming, model = yield from plan.name(state.model, state.current, left, state.sample, hints)
+        naming = passing(naming, least.nats)
         state = replace(state, model=model, rounds=(*state.rounds, naming))
         if number == 0:
             state = replace(state, base=naming.start.point)
