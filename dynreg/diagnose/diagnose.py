@@ -154,12 +154,26 @@ def search(
         state = yield from accepted(state, posed)
     report("causes", 1, 1)
     state = yield from plan.settle(state, posed, options.seed)
-    evidence = yield from Evidence.of(state, problem.train_part(recording), least.ratios)
+    evidence = yield from left_over(state, posed, problem.train_part(recording), least.ratios)
     loose = yield from unpenalised(state, posed)
     judged = yield from judge(problem.model, state, loose, posed)
     doubted = doubts(state, judged, ranking)
     verdict = verdict_of(state.model.robot, evidence, state.rounds, state.accepted, doubted)
     return Diagnosed(problem, state, least, evidence, judged, doubted, verdict, ranking)
+
+
+def left_over(
+    state: State, posed: Data, recording: Recording, usual: Sequence[float] = ()
+) -> Search[Evidence]:
+    """What the search leaves beside its noise floor; without a cause, where the zeros of episodes do not explain it.
+
+    posed : the recording with its logged zeros. The other arguments are those of `Evidence.of`.
+    """
+    evidence = yield from Evidence.of(state, recording, usual)
+    if state.accepted or evidence.explained:
+        return evidence
+    free = yield from zeroed(state, posed)
+    return evidence if free is state else (yield from Evidence.of(free, recording, usual))
 
 
 def looks(problem: Problem, state: State, left: Sequence[Term]) -> Search[Ranking]:

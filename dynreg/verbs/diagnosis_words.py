@@ -17,6 +17,7 @@ from dynreg.diagnose.threshold import FEW, USUAL
 from dynreg.diagnose.verdict import rivals
 from dynreg.diagnose.where import ErrorRow
 from dynreg.errors import command
+from dynreg.evidence.interval import NORMAL_90
 from dynreg.replay.holes import holes, sentence, without_start
 from dynreg.results.diagnosis import Pulled
 from dynreg.results.sentence import times
@@ -38,7 +39,6 @@ WORDS = {
     "log_end": "in the last third of the log",
 }
 MOVED = 1.0  # sigma: from here on a value is not robot.toml's, however wide its interval is
-NINETY_WIDE = 3.29  # sigma: the width of a 90 % interval of a normal distribution
 MUCH = 0.2  # of the error, which is told of a joint that nothing drives
 OWN = tuple(FRICTION_FIELDS.values())  # what such a joint has in MuJoCo's model
 DRIFT = ("overall", "early", "late")  # the error of every rollout grows with time: these regimes say nothing
@@ -253,7 +253,7 @@ def _pull(p: Pulled) -> float:
     if p.pulled_sigma is not None:
         return abs(p.pulled_sigma)
     width = 0.0 if p.low is None or p.high is None else p.high - p.low
-    return abs(p.value - p.nominal) * NINETY_WIDE / width if width > 0 else 0.0
+    return abs(p.value - p.nominal) * 2.0 * NORMAL_90 / width if width > 0 else 0.0
 
 
 def _shift(name: str, p: Pulled) -> str:
