@@ -46,13 +46,13 @@ def excite(
     if settings.legs:
         told = {name: value for name, value in vars(settings).items() if name != "between"}
         with call.progress() as progress:
-            protocol = Session.excite_legs(robot, **told, folder=out, progress=progress)
+            protocol = Session.excite_legs(call.robot(robot), **told, folder=out, progress=progress)
         call.emit(protocol, hint=f"read {out}/README.md, and play {protocol.legs[0].file}")
         return
     _check_file(out)
     with call.progress() as progress:
         commands, experiment = Session.excite(
-            robot,
+            call.robot(robot),
             between=settings.between,
             seconds=settings.seconds,
             seed=settings.seed,

@@ -1,18 +1,18 @@
 """Held-out error of simulators: rollouts of several lengths from measured states, on the same windows for all."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from dynreg.data.recording import Recording
 from dynreg.errors import UsageError
 from dynreg.progress import Progress
-from dynreg.replay.cut import windows
-from dynreg.replay.holes import hit, holes
+from dynreg.replay.cut import unbroken, usual_horizon
+from dynreg.replay.holes import holes
 from dynreg.replay.judged import Traced, ratio, traced
 from dynreg.replay.parts import names, parts
-from dynreg.replay.residual import scaled
+from dynreg.replay.residual import by_weight, scaled
 from dynreg.replay.rows import rows_of
 from dynreg.replay.windows import Windows
 from dynreg.sim.config import SimConfig, terms_of
@@ -20,7 +20,6 @@ from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot
 
 HORIZONS = (0.1, 0.5, 1.0)  # s, beside the longest
-LONGEST = 10.0  # s of a rollout, where the robot states no horizon
 MOST = 200  # rollouts of a horizon, evenly over the recording: more tell hardly more
 EPISODES = 4  # from which on each is a block by itself: fewer tell nothing of how runs differ
 # Stretches of time that stand for episodes where these are fewer: each as long as ten allow, as errors of neighbouring
@@ -39,9 +38,9 @@ class Errors:
     """Errors of n simulators in the rollouts of one horizon [s], by block: an episode, or a stretch of time in one.
 
     total : (n, B, C + 1) sums of absolute errors, in each channel's unit; the last column is of all channels, in units
-    of their spread and by their weight. many : (B, C + 1) what was summed. channels : (C,) columns in the robot's.
-    noise : (C + 1,) the channels' stated noise, and that of all together. within : how many runs the blocks are
-    stretches of; None where they are episodes.
+    of their spread and by their weight; see `residual.by_weight`. many : (B, C + 1) what was summed. channels : (C,)
+    columns in the robot's. scored : (C,) whether the last column counts them. noise : (C + 1,) the channels' stated
+    noise, and that of all together. within : how many runs the blocks are stretches of; None where they are episodes.
     """
 
     seconds: float
@@ -50,6 +49,7 @@ class Errors:
     total: np.ndarray
     many: np.ndarray
     channels: np.ndarray
+    scored: np.ndarray
     noise: np.ndarray
     within: int | None
 
@@ -117,8 +117,8 @@ def score(
     """
     for name, (owner, _) in simulators.items():
         _require_alike(robot, name, owner)
-    every = _horizons(robot, recording)
-    cuts = [_cut(robot, recording, seconds) for seconds in every]
+    every, lost = _horizons(robot, recording), holes(robot, recording)
+    cuts = [unbroken(robot, recording, seconds, lost) for seconds in every]
     left = [_unseen(robot, recording, cut, seen) for cut in cuts]
     held = [_held_out(recording, cuts[0], hold_out, left[0])]
     for cut, mask in zip(cuts[1:], left[1:], strict=True):
@@ -155,25 +155,16 @@ def score(
 def _horizons(robot: Robot, recording: Recording) -> list[float]:
     """[s] of the rollouts: the usual ones of at least two rows, and the longest."""
     period = rows_of(robot, recording).period
-    most = min(max(e.duration for e in recording.episodes), robot.file.replay.horizon or LONGEST)
+    most = min(max(e.duration for e in recording.episodes), usual_horizon(robot))
     return [h for h in HORIZONS if 2 * period <= h < 0.9 * most] + [most]
-
-
-def _cut(robot: Robot, recording: Recording, seconds: float) -> Windows:
-    """The recording's windows of this length without holes."""
-    table = robot.file.replay.model_copy(update={"horizon": seconds})
-    cut = windows(replace(robot, file=robot.file.model_copy(update={"replay": table})), recording)
-    return cut.take(np.flatnonzero(~hit(cut, holes(robot, recording))))
 
 
 def _unseen(robot: Robot, recording: Recording, cut: Windows, seen: Sequence[Seen]) -> np.ndarray:
     """(W,) whether no simulator has seen a row of the window."""
-    time = rows_of(robot, recording).time
-    spans = [
-        (recording.episodes[e].name, float(time[e][first]), float(time[e][stop - 1]))
-        for e, (first, stop) in zip(cut.episode, cut.rows, strict=True)
-    ]
-    return np.array([not any(known(*span) for known in seen) for span in spans], dtype=bool)
+    spans = rows_of(robot, recording).spans(cut.episode, cut.rows).tolist()
+    pairs = zip(cut.episode, spans, strict=True)
+    told = [(recording.episodes[e].name, begin, end) for e, (begin, end) in pairs]
+    return np.array([not any(known(*span) for known in seen) for span in told], dtype=bool)
 
 
 def _held_out(recording: Recording, cut: Windows, hold_out: str | None, left: np.ndarray) -> np.ndarray:
@@ -229,8 +220,9 @@ def _errors(
     each = np.where(known, off, 0.0).sum(axis=2)  # (n, W, C)
     rows = known.sum(axis=1)  # (W, C)
     share = weight / np.maximum(weight.sum(), 1e-12)
-    total = np.concatenate([each * spread, (each * share).sum(axis=2, keepdims=True)], axis=2)
-    many = np.concatenate([rows, (rows * share).sum(axis=1, keepdims=True)], axis=1)
+    together = (each * by_weight(measured[..., use], share)).sum(axis=2, keepdims=True)
+    total = np.concatenate([each * spread, together], axis=2)
+    many = np.concatenate([rows, (rows * (share > 0)).sum(axis=1, keepdims=True)], axis=1)
     blocks, within = _blocks(cut.episode[chosen], cut.rows[chosen])
     noise = robot.sensor_noise[use]
     member = (blocks[None] == np.unique(blocks)[:, None]).astype(float)
@@ -241,6 +233,7 @@ def _errors(
         np.einsum("bw,nwc->nbc", member, total),
         member @ many,
         use,
+        share > 0,
         np.append(noise, (share * noise / spread).sum()),
         within,
     )

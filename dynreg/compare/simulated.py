@@ -4,7 +4,7 @@ So its memory is right: a lag, a delay or wheels that still turn reach from one 
 """
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from dynreg.replay.windows import Windows
 from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot, require_commands
-from dynreg.sim.spec import ReplayTable
 from dynreg.timed.commands import displacement
 from dynreg.timed.told import Told
 from dynreg.timed.wheels import pose_names
@@ -71,8 +70,7 @@ def replayed(
         ) from None
     began = time.perf_counter()
     even = evenly(robot, recording)
-    in_whole_episodes = replace(robot, file=robot.file.model_copy(update={"replay": ReplayTable()}))
-    cut = windows(in_whole_episodes, even)
+    cut = windows(robot, even, horizon=np.inf)
     values = robot.space.from_dict(dict(config.values))[None]
     states = rollout(robot, values, cut.run, threads=threads, terms=terms_of(config, robot)).states[0]
     poses = _poses(robot, even, cut, states, pose)

@@ -19,6 +19,7 @@ from dynreg.diagnose.plans.plan import State
 from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Problem, planned
 from dynreg.diagnose.ranking.population import Ranking
+from dynreg.diagnose.score import passing
 from dynreg.diagnose.settle import revise, unlike
 from dynreg.diagnose.threshold import Cache, Nulls, Threshold, found_before, threshold
 from dynreg.diagnose.verdict import Evidence, Verdict, verdict_of
@@ -144,6 +145,7 @@ def search(
             ranking = ranking or own
             hints = problem.guide.hints(own, state.model, state.current, left)
         naming, model = yield from plan.name(state.model, state.current, left, state.sample, hints)
+        naming = passing(naming, least.nats)
         state = replace(state, model=model, rounds=(*state.rounds, naming))
         if number == 0:
             state = replace(state, base=naming.start.point)
@@ -152,12 +154,26 @@ def search(
         state = yield from accepted(state, posed)
     report("causes", 1, 1)
     state = yield from plan.settle(state, posed, options.seed)
-    evidence = yield from Evidence.of(state, problem.train_part(recording), least.ratios)
+    evidence = yield from left_over(state, posed, problem.train_part(recording), least.ratios)
     loose = yield from unpenalised(state, posed)
     judged = yield from judge(problem.model, state, loose, posed)
     doubted = doubts(state, judged, ranking)
     verdict = verdict_of(state.model.robot, evidence, state.rounds, state.accepted, doubted)
     return Diagnosed(problem, state, least, evidence, judged, doubted, verdict, ranking)
+
+
+def left_over(
+    state: State, posed: Data, recording: Recording, usual: Sequence[float] = ()
+) -> Search[Evidence]:
+    """What the search leaves beside its noise floor; without a cause, where the zeros of episodes do not explain it.
+
+    posed : the recording with its logged zeros. The other arguments are those of `Evidence.of`.
+    """
+    evidence = yield from Evidence.of(state, recording, usual)
+    if state.accepted or evidence.explained:
+        return evidence
+    free = yield from zeroed(state, posed)
+    return evidence if free is state else (yield from Evidence.of(free, recording, usual))
 
 
 def looks(problem: Problem, state: State, left: Sequence[Term]) -> Search[Ranking]:

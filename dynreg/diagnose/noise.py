@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from dynreg.data.recording import Recording
+from dynreg.replay.jitter import NORMAL
 from dynreg.sim.robot import Robot
 
 TWICE = 2.0  # the estimate replaces the stated noise from this ratio on: by contract
 ORDERS = range(
     3, 9
 )  # of the differences from row to row: the higher the order, the less motion remains in them
-NORMAL = 0.6745  # median of the absolute value of a standard normal variable
 
 
 def own_noise(robot: Robot, recording: Recording) -> dict[str, float]:

@@ -13,19 +13,17 @@ from dynreg.evidence.accuracy import usual
 from dynreg.evidence.data import Data
 from dynreg.evidence.hypothesis import Coordinates
 from dynreg.evidence.model import Model
-from dynreg.replay.cut import windows
-from dynreg.replay.holes import hit, holes, sentence, without_start
+from dynreg.replay.cut import unbroken, usual_horizon
+from dynreg.replay.holes import holes, sentence, without_start
 from dynreg.replay.known import known_values
 from dynreg.replay.parts import Parts, parts, thinned
-from dynreg.replay.windows import Windows
+from dynreg.replay.windows import Windows, moves
 from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot, require_commands
 
-LONGEST = 10.0  # s of a rollout if the robot states no horizon; the packaged robots state 1.7 to 2.5 s
 FEWEST = 50  # measured rows in each of fit and select, by contract: fewer samples identify no cause
 STANDS = 0.05  # rad (m) by which joints may differ from the settled reset pose: more is another pose
-STILL = 3.0  # standard deviations of its noise that a channel must move: less may be noise
 
 
 def pose(
@@ -68,7 +66,7 @@ def pose(
 
 def _cut(robot: Robot, recording: Recording, options: DiagnosisOptions) -> tuple[Windows, str]:
     """The recording's windows without gaps, and what to say of gaps and of whole episodes left out ("" without)."""
-    horizon = options.horizon or robot.file.replay.horizon or LONGEST
+    horizon = usual_horizon(robot, options.horizon)
     rate = robot.file.robot.control_rate
     if rate is not None and horizon * rate < 2:
         raise UsageError(
@@ -76,10 +74,8 @@ def _cut(robot: Robot, recording: Recording, options: DiagnosisOptions) -> tuple
             expected=f"at least two commands, {2 / rate:g} s",
             do="give a longer horizon",
         )
-    table = robot.file.replay.model_copy(update={"horizon": horizon})
-    cut = windows(replace(robot, file=robot.file.model_copy(update={"replay": table})), recording)
     lost = holes(robot, recording)
-    cut = cut.take(np.flatnonzero(~hit(cut, lost)))
+    cut = unbroken(robot, recording, horizon, lost)
     told = [sentence(recording, lost)] if lost else []
     told += filter(None, [without_start(robot, recording)])
     why = f": {'; '.join(told)}" if told else ""
@@ -142,9 +138,7 @@ def _check_motion(robot: Robot, cut: Windows, split: Parts) -> None:
             do="record one, for example with the commands that `dynreg excite` writes",
         )
     use = np.flatnonzero(cut.weight > 0)
-    noise = np.array([max(c.noise, c.quantum) for c in robot.file.channels])[use]
-    still = cut.spread[use] <= STILL * noise
-    if still.all():
+    if not moves(robot, cut.spread)[use].any():
         raise LogError(
             f"no measured channel moves by more than its noise (for example {robot.channels[use[0]]!r})",
             expected="motion",

@@ -52,6 +52,11 @@ class Naming:
     equivalent: tuple[Scored, ...] = ()
     small: tuple[str, ...] = ()
 
+    @property
+    def most(self) -> float:
+        """The most evidence [nats] of all hypotheses of which one may be chosen; 0 without any."""
+        return 0.0 if self.chosen is None else max(s.nats for s in self.ranking)
+
 
 def confirmed(data: Data, residuals: np.ndarray) -> np.ndarray:
     """(n,) gain of log-likelihood over the first, from residuals (n, W, T, C) on the fit and select parts.
@@ -107,12 +112,16 @@ def score(
     return replace(named, small=tuple(small))
 
 
-def chosen(start: Scored, ranking: tuple[Scored, ...]) -> Naming:
-    """The best of a ranking (or one about as good with fewer parameters), and its equivalents."""
+def chosen(start: Scored, ranking: tuple[Scored, ...], needed: float = 0.0) -> Naming:
+    """The best of a ranking (or one about as good with fewer parameters), and its equivalents.
+
+    needed : evidence [nats] that the chosen one must have where the best has it.
+    """
     if not ranking or ranking[0].nats <= 0:
         return Naming(start, ranking)
     top = ranking[0].nats
-    near = [s for s in ranking if s.nats >= top - max(NEAR * top, FEW)]
+    least = max(top - max(NEAR * top, FEW), needed if needed <= top else 0.0)
+    near = [s for s in ranking if s.nats >= least]
     best = min(near, key=lambda s: (len(s.point.effect), -s.nats))
     within = max(NEAR * top, NATS)
     equal = tuple(s for s in ranking if s.nats >= top - within and s is not best)
@@ -124,3 +133,13 @@ def lowered(naming: Naming, less: Mapping[str, float]) -> Naming:
     ranking = [replace(s, nats=s.nats - less.get(s.key, 0.0)) for s in naming.ranking]
     again = chosen(naming.start, tuple(sorted(ranking, key=lambda s: -s.nats)))
     return replace(again, small=naming.small)
+
+
+def passing(naming: Naming, needed: float) -> Naming:
+    """The naming, with fewer parameters preferred among those alone that have the evidence [nats] which a cause needs.
+
+    One that fails would else be chosen in the place of one that passes, and no cause be named.
+    """
+    if naming.chosen is None or naming.chosen.nats >= needed:
+        return naming
+    return replace(chosen(naming.start, naming.ranking, needed), small=naming.small)

@@ -12,12 +12,11 @@ from dynreg.diagnose.refitted import Fitted, Refit, Value
 from dynreg.diagnose.score import PER_PARAMETER
 from dynreg.evidence.estimate import unit_of
 from dynreg.evidence.hypothesis import WORTH
-from dynreg.evidence.interval import NINETY, prior_widths
+from dynreg.evidence.interval import NINETY, NORMAL_90, prior_widths
 from dynreg.evidence.point import clipped
 from dynreg.sim.config import SimConfig, effects_of
 from dynreg.sim.effects import Terms
 
-SIGMA = 1.645  # standard deviations from the middle of a 90 % interval to its end
 NARROWEST = 1e-12  # variance of a coordinate: no interval is a point
 WIDE = 100.0  # standard deviations of a difference, in those of the nameplate: a difference that no log tells is 0
 
@@ -124,11 +123,11 @@ class Shared:
         """
         at, scale = self.axes.index(axis), Scale.of(next(iter(self.found.values())), axis)
         _, value, sigma = self.solved(self.apart)
-        middle, half = value[0, at], SIGMA * sigma[0, at]
+        middle, half = value[0, at], NORMAL_90 * sigma[0, at]
         if same := at not in self.apart:
             ends = {name: _ends(one, axis) for name, one in self.found.items()}
         else:
-            rows = zip(self.found, value[:, at], SIGMA * sigma[:, at], strict=True)
+            rows = zip(self.found, value[:, at], NORMAL_90 * sigma[:, at], strict=True)
             ends = {name: (v, v - h, v + h) for name, v, h in rows}
         return Refit(
             scale.cause,

@@ -37,7 +37,7 @@ ALARMS = 0.01  # false-alarm rate of robots without an effect: by contract (benc
 # nats: by the mean of the tail, sets of 20 of them put the limit anywhere between 5 and 27 nats.
 CONFIDENCE = 0.8
 KIND = "threshold"
-SEARCH = 14  # version of the scores: a new one invalidates cached thresholds
+SEARCH = 15  # version of the scores: a new one invalidates cached thresholds
 # Mean difference of the commands of a window, in each action's spread: of all actions, and of any one. All a row late
 # the packaged protocols differ by 0.24 and 0.55 at most (quadruped, 35 Hz), others of the same kinds by 1.5 and more.
 ALIKE, ANY = 0.3, 0.7
@@ -178,8 +178,8 @@ def nulls_of(
 
 
 def null(problem: Problem, robot: Robot, seed: int) -> Search[tuple[float, float]]:
-    """One simulated robot without an effect, under the problem's commands: the score [nats] of the best cause, and what
-    the calibrated simulator leaves over the stated noise.
+    """One simulated robot without an effect, under the problem's commands: the score [nats] of the best cause, which a
+    threshold below it would name (`score.passing`), and what the calibrated simulator leaves over the stated noise.
 
     robot : with the sensor noise of its log.
     """
@@ -195,7 +195,7 @@ def null(problem: Problem, robot: Robot, seed: int) -> Search[tuple[float, float
         ranking = yield from problem.guide.ranking(model, data, terms)
         hints = problem.guide.hints(ranking, found.model, found.point, terms)
     naming, _ = yield from plan.name(found.model, found.point, terms, found.sample, hints)
-    return 0.0 if naming.chosen is None else max(0.0, naming.chosen.nats), most_left(left)
+    return naming.most, most_left(left)
 
 
 def null_data(problem: Problem, robot: Robot, seed: int) -> Search[Data]:
@@ -211,7 +211,9 @@ def null_data(problem: Problem, robot: Robot, seed: int) -> Search[Data]:
     fit = np.arange(len(windows)) < len(posed.fit)
     parts = Parts(fit, ~fit, np.zeros_like(fit))
     every = np.arange(len(windows))
-    return replace(posed, windows=windows.scaled_by(model.robot, every), parts=parts)
+    scaled = windows.scaled_by(model.robot, every)
+    # whatever is still in it: it is scored by the channels that the log is scored by
+    return replace(posed, windows=replace(scaled, weight=windows.weight), parts=parts)
 
 
 def null_robot(model: Model, seed: int) -> Hidden:

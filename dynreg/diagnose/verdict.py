@@ -14,6 +14,7 @@ from dynreg.diagnose.pose import placed
 from dynreg.diagnose.score import Naming
 from dynreg.diagnose.tail import exceeded
 from dynreg.evidence.data import Data
+from dynreg.evidence.hypothesis import single_terms
 from dynreg.evidence.lockstep import Search
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
@@ -22,7 +23,7 @@ from dynreg.replay.residual import scaled
 from dynreg.replay.velocity import pose_columns
 from dynreg.replay.windows import Windows, standing
 from dynreg.rng import stream
-from dynreg.sim.effects import one_group
+from dynreg.sim.effects import Term, one_group
 from dynreg.sim.robot import Robot
 
 TINY = 1e-12  # lower bound of mean squares and noise, for logarithms and divisions
@@ -38,7 +39,8 @@ CHANCE = 0.05
 class Noise:
     """The residual of one channel (`left`) and its noise floor, which no simulator can explain; 1 sigma in `unit`.
 
-    left : with contacts, the geometric mean over the windows. basis : what the floor comes from. ratio : left / floor.
+    left : with contacts, the geometric mean over the windows. basis : what the floor comes from. floor : 0 where no run
+    was repeated and no noise is stated. ratio : left / floor; None where the floor is 0.
     limit : the ratio up to which all counts as explained, with the sampling error of both.
     white : whether the residual looks like white noise; None if unknown.
     """
@@ -48,24 +50,25 @@ class Noise:
     left: float
     floor: float
     basis: Literal["repeatability", "stated_noise"]
-    ratio: float
+    ratio: float | None
     limit: float = EXPLAINED
     white: bool | None = None
 
     @property
     def over(self) -> float:
-        """The ratio over its limit."""
-        return self.ratio / self.limit
+        """The ratio over its limit; 0 where there is none."""
+        return 0.0 if self.ratio is None else self.ratio / self.limit
 
     @property
     def explained(self) -> bool:
         """Whether it is within its limit or, without repeated runs, white."""
-        return self.over <= 1 or (self.basis == "stated_noise" and bool(self.white))
+        within = self.ratio is not None and self.over <= 1
+        return within or (self.basis == "stated_noise" and bool(self.white))
 
 
 @dataclass(frozen=True)
 class Left:
-    """What a simulator leaves of one channel beside its stated noise; 1 sigma in the channel's unit.
+    """What a simulator leaves of one channel beside its stated noise (0: none is); 1 sigma in the channel's unit.
 
     samples : independent ones in the residual. white : as in `Noise`.
     """
@@ -126,16 +129,16 @@ def noise_of(robot: Robot, left: Left, known: Repeatability, channels: int) -> N
     """
     from scipy.stats import chi2, f
 
-    floor = known.spread if known.spread else left.stated
+    floor = float(known.spread if known.spread else left.stated)
     own, each = max(left.samples, 1.0), (1.0 - CHANCE) ** (1.0 / channels)
     more = f.ppf(each, own, max(known.independent, 1.0)) if known.spread else chi2.ppf(each, own) / own
     return Noise(
         channel=robot.channels[left.column],
         unit=robot.file.channels[left.column].unit,
         left=left.size,
-        floor=float(floor),
+        floor=floor,
         basis="repeatability" if known.spread else "stated_noise",
-        ratio=left.size / float(floor),
+        ratio=left.size / floor if floor > 0 else None,
         limit=float(EXPLAINED * np.sqrt(max(more, 1.0))),
         white=left.white,
     )
@@ -158,7 +161,7 @@ def lefts(model: Model, point: Point, data: Data) -> Search[list[Left]]:
             Left(
                 column=int(column),
                 size=float(remaining(residual[..., c], rough) * data.windows.spread[column]),
-                stated=max(float(noise[column]), TINY),
+                stated=float(noise[column]),
                 samples=float(samples[c]),
                 white=None if chance is None else chance > WHITE,
             )
@@ -168,7 +171,7 @@ def lefts(model: Model, point: Point, data: Data) -> Search[list[Left]]:
 
 def most_left(left: Sequence[Left]) -> float:
     """The largest ratio of what is left to the stated noise, of all channels."""
-    return max(one.size / one.stated for one in left)
+    return max(one.size / max(one.stated, TINY) for one in left)
 
 
 def begin_noise(robot: Robot, windows: Windows) -> np.ndarray:
@@ -255,3 +258,12 @@ def rivals(robot: Robot, naming: Naming) -> list[str]:
     chosen = naming.chosen.point.hypothesis.terms[-1]
     others = [s.point.hypothesis.terms[-1] for s in naming.equivalent]
     return [t.key for t in others if not one_group(robot, chosen, t)]
+
+
+def group_of(robot: Robot, term: Term, without: Sequence[str] = ()) -> list[str]:
+    """Keys of the other terms of a term's exact group that can act on the robot: no commands tell them from it.
+
+    Whatever they scored, looked for or not. without : ids of effects that cannot be meant.
+    """
+    every = single_terms(robot, without=tuple(without))
+    return [t.key for t in every if t.key != term.key and one_group(robot, term, t)]

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from dynreg.replay.parts import Parts
-from dynreg.replay.residual import scaled
+from dynreg.replay.residual import by_weight, scaled
 from dynreg.replay.samples import effective_samples
 from dynreg.replay.windows import Windows
 from dynreg.sim.robot import Robot
@@ -117,10 +117,11 @@ class Data:
         return (share * samples[:, None]).reshape(windows, channels)
 
     def window_errors(self, states: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-        """(W,) weighted mean absolute error of states (W, T+1, S) in windows, in units of the channels' spread."""
+        """(W,) replay error of states (W, T+1, S) in windows, by channels' weight, in units of their spread."""
         measured = self.windows.measured[chosen][:, 1:, self.use]
-        each = np.nanmean(np.abs(scaled(states[:, 1:, self.use], measured, self.spread)), axis=1)
-        return np.nansum(each * self.windows.weight[self.use], axis=1)
+        each = np.nansum(np.abs(scaled(states[:, 1:, self.use], measured, self.spread)), axis=1)
+        each *= by_weight(measured, self.windows.weight[self.use])
+        return each.sum(axis=1) / np.maximum(np.isfinite(measured).sum(axis=(1, 2)), 1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,13 +8,12 @@ import numpy as np
 
 from dynreg.evidence.gaussian import Gaussian, coordinates, correlations_of
 from dynreg.evidence.hypothesis import Coordinates, Hypothesis, effect_bounds
-from dynreg.evidence.interval import NINETY, Posterior
+from dynreg.evidence.interval import NINETY, NORMAL_90, Posterior
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point, bounds
 from dynreg.sim.effects import EffectParameter, Term
 from dynreg.sim.robot import Robot
 
-NORMAL_90 = 1.645  # standard deviations to each side of a normal distribution that hold 90 %
 EDGE = 1e-3  # of a coordinate: nearer to a bound is on it; no fit tells so little
 ON_SLIDES = MappingProxyType(  # units of effects, as they are written for hinges
     {

@@ -31,6 +31,7 @@ from dynreg.rng import stream
 from dynreg.sim.engine import ENGINES
 
 NINETY = (0.05, 0.95)  # the ends of a 90 % interval
+NORMAL_90 = 1.645  # standard deviations from the middle of a normal distribution's to either end
 # bench_constants: 10 of 14 intervals hold the size, 23 % of it wide. Half of ROUNDS and DRAWS hold 9, 18 % wide, twice
 # 10, 24 %, in 1.6 times the time; half and twice of ENOUGH and PLENTY 10, 23 and 26 %. Anything does from 5 to 20 of
 # FREEDOM (20 to 23 %), 1 to 1.3 of WIDER (23 to 24 %), 10 to 40 of TRIED (23 to 25 %).

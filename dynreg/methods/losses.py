@@ -36,8 +36,8 @@ def _replayed(stage: Stage, data: Data, replayer: Replayer) -> Loss:
     windows = _told(stage, data, np.isfinite(measured).any(axis=(1, 2)), "nothing was measured")
 
     def replayed(unit: np.ndarray) -> np.ndarray:
-        residual = replayer.residuals(data.values_of(unit), windows)
-        return errors(residual[:, :, rows - 1 :]).mean(axis=1)
+        states = replayer.states(data.values_of(unit), windows)[:, :, rows - 1 :]
+        return errors(replayer.against(states, data.windows.measured[windows, rows - 1 :])).mean(axis=1)
 
     return Loss(replayed, MOST, windows)
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynreg.evidence.gaussian import Gaussian, correlations_of
+from dynreg.evidence.interval import NORMAL_90
 from dynreg.neighbours.synthesise import Local, Replays, taken
 
 PRIOR = 12.0  # 1 / variance of a uniform prior on [0, 1]
 MOST = PRIOR**-0.5  # its standard deviation: an interval is never wider than that of no data
-NORMAL_90 = 1.645  # standard deviations to each side of a normal distribution that hold 90 %
 FLAT = 0.25  # standard deviation in the unit cube from which on an interval is the prior's
 
 

@@ -1,9 +1,12 @@
 """A recording cut into windows of equal length, each from a measured state."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from dynreg.data.recording import Recording
 from dynreg.errors import LogError
+from dynreg.replay.holes import Hole, hit, holes
 from dynreg.replay.rows import Rows, rows_of
 from dynreg.replay.standing_place import begins_anywhere, from_the_start
 from dynreg.replay.timed import held
@@ -12,21 +15,41 @@ from dynreg.replay.windows import Windows, scales, starts
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
+LONGEST = 10.0  # s of a rollout if the robot states no horizon; the packaged robots state 1.7 to 2.5 s
 BEFORE = 3.0  # s of commands before a window: longer than bases remember
 ENOUGH = 4  # poses that tell a velocity better than commands do
 Cut = tuple[int, int, int]  # episode, first row, one past the last row
 
 
-def windows(robot: Robot, recording: Recording, rest: bool = False) -> Windows:
-    """Cut a recording for replay, each window from a measured state; at most `replay.horizon` [s] long.
+def usual_horizon(robot: Robot, asked: float | None = None) -> float:
+    """Longest rollout [s] of a diagnosis or a comparison: as asked for, else the robot's horizon, else `LONGEST`."""
+    return asked or robot.file.replay.horizon or LONGEST
 
+
+def unbroken(
+    robot: Robot, recording: Recording, horizon: float, lost: Sequence[Hole] | None = None
+) -> Windows:
+    """The recording's windows of at most `horizon` [s] without gaps. lost : its `holes`, where they are known.
+
+    Raises as `windows`.
+    """
+    cut = windows(robot, recording, horizon=horizon)
+    lost = holes(robot, recording) if lost is None else lost
+    return cut.take(np.flatnonzero(~hit(robot, recording, cut, lost)))
+
+
+def windows(robot: Robot, recording: Recording, rest: bool = False, horizon: float | None = None) -> Windows:
+    """Cut a recording for replay, each window from a measured state; at most `horizon` [s] long.
+
+    horizon : by default the robot's `replay.horizon`, else infinite: then a window is a whole episode.
     Where a robot on feet stands at first is taken out: see `standing_place`.
     rest : whether what is left at the end of an episode is a shorter window; errors are judged in whole ones alone.
     Of robots with control = "timed" on the grid of `timed.on_grid`, to which the windows' `rows` then belong.
     Raises LogError where the recording lacks the commands to replay or has no rows.
     """
     rows = rows_of(robot, recording)
-    cuts = [cut for number in range(len(rows)) for cut in _cuts(robot, rows, number, rest)]
+    horizon = horizon or robot.file.replay.horizon or np.inf
+    cuts = [cut for number in range(len(rows)) for cut in _cuts(robot, rows, number, rest, horizon)]
     if not cuts:
         raise LogError(
             "no episode has two measured rows in a row",
@@ -51,11 +74,10 @@ def windows(robot: Robot, recording: Recording, rest: bool = False) -> Windows:
     return Windows(run, measured, spread, weight, numbers, spans, run.period)
 
 
-def _cuts(robot: Robot, rows: Rows, number: int, rest: bool) -> list[Cut]:
+def _cuts(robot: Robot, rows: Rows, number: int, rest: bool, horizon: float) -> list[Cut]:
     """The windows of one episode in which there is motion to see: the first alone of a base that no log places."""
     states, startable = rows.states[number], rows.startable[number]
-    horizon = robot.file.replay.horizon
-    length = len(states) if horizon is None else min(len(states), int(round(horizon / rows.period)) + 1)
+    length = int(min(len(states), np.round(horizon / rows.period) + 1))
     weighted = [i for i, c in enumerate(robot.file.channels) if c.weight > 0]
     most = len(states) - (1 if rest else length - 1)
     out = []

@@ -14,7 +14,7 @@ from dynreg.sim.robot import Robot
 
 @dataclass(frozen=True)
 class Hole:
-    """Rows `first` to `last` of an episode (by its number) in which a channel has no value."""
+    """Rows `first` to `last` of a recording's episode (by its number) in which a channel has no value."""
 
     channel: str
     episode: int
@@ -43,12 +43,16 @@ def holes(robot: Robot, recording: Recording) -> tuple[Hole, ...]:
     return tuple(out)
 
 
-def hit(cut: Windows, found: Sequence[Hole]) -> np.ndarray:
-    """(W,) whether a window overlaps a gap."""
+def hit(robot: Robot, recording: Recording, cut: Windows, found: Sequence[Hole]) -> np.ndarray:
+    """(W,) whether a window overlaps a gap of the recording that it is cut from.
+
+    Their times are compared: windows of robots with control = "timed" count the rows of a grid, not those of the log.
+    """
+    begin, end = rows_of(robot, recording).spans(cut.episode, cut.rows).T
     out = np.zeros(len(cut), dtype=bool)
     for hole in found:
-        start, stop = cut.rows.T
-        out |= (cut.episode == hole.episode) & (start <= hole.last) & (hole.first < stop)
+        time = recording.episodes[hole.episode].time
+        out |= (cut.episode == hole.episode) & (begin <= time[hole.last]) & (time[hole.first] <= end)
     return out
 
 

@@ -126,7 +126,7 @@ def traced(
     Of `channels` channels, those in which simulator number `worst` errs most.
     """
     measured = windows.measured[chosen]
-    weighted = np.flatnonzero(windows.weight > 0)
+    weighted = np.flatnonzero((windows.weight > 0) & np.isfinite(measured[:, 1:]).any(axis=(0, 1)))
     miss = np.abs(states[worst] - measured)
     size = [np.nanmean(miss[:, 1:, c]) / windows.spread[c] for c in weighted]
     for w in _thinned(np.arange(len(chosen)), WINDOWS):

@@ -29,3 +29,13 @@ def scaled(
         residual += correction
     residual[~np.isfinite(residual) & np.isfinite(measured)] = MOST
     return np.clip(residual, -MOST, MOST, out=residual)
+
+
+def by_weight(measured: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """(..., C) by what the residuals of rows `measured` (..., T, C) count in a replay error, by channels' weight (C,).
+
+    They are 1 on average over what was measured: each value counts by its channel's weight, however many each has.
+    """
+    rows = np.isfinite(measured).sum(axis=-2)
+    many = (rows * (weight > 0)).sum(axis=-1, keepdims=True)
+    return weight * many / np.maximum((rows @ weight)[..., None], 1e-300)

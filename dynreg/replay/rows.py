@@ -50,6 +50,14 @@ class Rows:
         # channels that are never measured together: the engine fills in what is missing at the start
         return rows if any(r.any() for r in rows) else tuple(f.any(axis=1) for f in finite)
 
+    def spans(self, episode: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """(W, 2) first and last stamp [s], on their episodes' clocks, of stretches (W, 2) of rows; as in `Windows`."""
+        stamps = [
+            (self.time[e][first], self.time[e][stop - 1])
+            for e, (first, stop) in zip(episode, rows, strict=True)
+        ]
+        return np.array(stamps, dtype=float).reshape(-1, 2)
+
     @cached_property
     def begin(self) -> np.ndarray:
         """(E,) seconds from the begin of the first episode to that of each; see `clocks.begins`."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dynreg.errors import LogError
-from dynreg.replay.residual import scaled
+from dynreg.replay.residual import by_weight, scaled
 from dynreg.replay.velocity import pose_columns
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot
@@ -14,6 +14,7 @@ from dynreg.sim.run import Run
 # rad, standard deviation of a heading that may be any: turns do not add to it
 ANYWHERE = np.pi / np.sqrt(3.0)
 STILL = 5.0  # times its noise that a channel of a base that stands still may move
+MOVES = 3.0  # standard deviations of its noise that a channel must move to be scored: less may be noise
 
 
 @dataclass(frozen=True)
@@ -127,9 +128,9 @@ class Replayer:
     def residuals(
         self, values: np.ndarray, chosen: np.ndarray, initial: np.ndarray | None = None
     ) -> np.ndarray:
-        """(n, W, T, S') normalised and weighted residuals: their mean size is the replay error.
+        """(n, W, T, S') normalised and weighted residuals: their mean size in a window is its replay error.
 
-        Channels without weight are left out; see `residual.scaled`. initial : as in `states`.
+        Channels without weight are left out; see `residual.scaled` and `residual.by_weight`. initial : as in `states`.
         """
         return self.against(self.states(values, chosen, initial), self.windows.measured[chosen])
 
@@ -146,21 +147,22 @@ class Replayer:
 
     def against(self, states: np.ndarray, measured: np.ndarray) -> np.ndarray:
         """(n, W, T, S') residuals, as `residuals`, of states (n, W, T+1, S) held against rows (W, T+1, S)."""
-        use, scale = self._scored
-        spread = self.windows.spread[use]
-        return scaled(states[..., 1:, use], measured[:, 1:, use], spread) * scale
+        use, weight = self._scored
+        rows, spread = measured[:, 1:, use], self.windows.spread[use]
+        return scaled(states[..., 1:, use], rows, spread) * by_weight(rows, weight)[:, None]
 
     @property
     def residual_noise(self) -> np.ndarray:
         """(S',) standard deviation of the residuals of a perfect simulator, by the noise that the robot states."""
-        use, scale = self._scored
-        return self.robot.sensor_noise[use] / self.windows.spread[use] * scale
+        use, weight = self._scored
+        rows = self.windows.measured[:, 1:, use].reshape(-1, len(use))
+        return self.robot.sensor_noise[use] / self.windows.spread[use] * by_weight(rows, weight)
 
     @property
     def _scored(self) -> tuple[np.ndarray, np.ndarray]:
-        """The channels (S',) that have a weight, and these, 1 on average."""
+        """The channels (S',) that have a weight, and these."""
         use = np.flatnonzero(self.windows.weight > 0)
-        return use, self.windows.weight[use] * len(use)
+        return use, self.windows.weight[use]
 
 
 def errors(residuals: np.ndarray) -> np.ndarray:
@@ -171,7 +173,9 @@ def errors(residuals: np.ndarray) -> np.ndarray:
 def scales(robot: Robot, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Spread (S,) of measured rows (W, T+1, S), never below the noise, and the weights (S,) of channels in them.
 
-    That of a base's yaw is never above `ANYWHERE`. Raises LogError where no channel with a weight was measured.
+    That of a base's yaw is never above `ANYWHERE`. A channel weighs nothing that has no value after the start of a
+    window, nor one that is still (`moves`) while others move: its unit would be its noise, and drown theirs. Raises
+    LogError where no channel with a weight was measured.
     """
     import warnings
 
@@ -180,12 +184,23 @@ def scales(robot: Robot, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         spread = np.nanstd(measured, axis=(0, 1))
     if (pose := pose_columns(robot)) is not None:
         spread[pose[2]] = min(spread[pose[2]], ANYWHERE)
-    floor = np.array([max(c.noise, c.quantum, 1e-9) for c in robot.file.channels])
-    weight = np.array([c.weight for c in robot.file.channels]) * np.isfinite(measured).any(axis=(0, 1))
+    spread = np.maximum(np.nan_to_num(spread), _floor(robot))
+    weight = np.array([c.weight for c in robot.file.channels]) * np.isfinite(measured[:, 1:]).any(axis=(0, 1))
+    if (weight * moves(robot, spread)).any():
+        weight = weight * moves(robot, spread)
     if not weight.sum() > 0:
         raise LogError(
             "no channel with a weight was measured",
             expected=f"one of {[c.name for c in robot.file.channels if c.weight > 0]}",
             do="add it to the map, or give another channel a weight in robot.toml",
         )
-    return np.maximum(np.nan_to_num(spread), floor), weight / weight.sum()
+    return spread, weight / weight.sum()
+
+
+def moves(robot: Robot, spread: np.ndarray) -> np.ndarray:
+    """(S,) whether channels with this spread (S,) move by more than their noise could."""
+    return spread > MOVES * _floor(robot)
+
+
+def _floor(robot: Robot) -> np.ndarray:
+    return np.array([max(c.noise, c.quantum, 1e-9) for c in robot.file.channels])

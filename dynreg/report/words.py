@@ -9,7 +9,7 @@ from dynreg.results.result import Cost, Estimate, Interval
 
 SHOWN_EPISODES = 6
 NOT_SCORED = (
-    "Channels that are not scored have weight 0 in robot.toml. The overall error and gain leave them out."
+    "Channels not scored have weight 0 in robot.toml, or hold still. Overall error and gain leave them out."
 )
 
 

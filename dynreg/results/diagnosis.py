@@ -66,7 +66,7 @@ class Cause(EffectOn):
     evidence_nats : gain of the log-likelihood on the fit and select parts, less what its parameters cost. replaced :
     whether calibrated parameters, far from their nameplate, stand in for it: then its gain over them says little.
     equivalent : keys of the causes that explain the data as well; separate_by : the experiment that separates them.
-    inseparable : those of them that no commands separate: the others of its exact group.
+    inseparable : those of them that no commands separate: the others of its exact group, whatever they scored.
     gain : by how much it lowers the error on the test part; null where nothing was held out.
     """
 
@@ -221,7 +221,8 @@ class Noise(Result):
 
     left : the unexplained error of the best simulator; where contacts make rollouts rough, the mean of its logarithm
     over the windows. basis : the source of the floor. The stated noise of a planar base includes that of its first
-    pose, which the whole path carries along. limit : the ratio up to which it counts as explained, with the sampling
+    pose, which the whole path carries along. ratio : left / floor; null, and the floor 0, where no run was repeated and
+    no noise is stated. limit : the ratio up to which it counts as explained, with the sampling
     error of both. white : whether the residual looks like white noise; null where unknown. usual : whether simulated
     robots without an effect leave as much; null where none were simulated. explained : whether any of these explains
     it; null in documents that were stored before that was told.

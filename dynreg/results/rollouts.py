@@ -51,7 +51,7 @@ class Rollouts(Result):
     fitted to. names : of the simulators, in the order in which they were asked for; gains are over the first. best :
     that with the least error in the longest rollouts; alike : those that tie with it. within : of how many runs the
     intervals are over stretches of time, and for which alone they hold; null where they are over episodes. unscored :
-    channels of weight 0, which the error of all channels together leaves out.
+    channels of weight 0 or without motion, which the error of all channels together leaves out.
     """
 
     episodes: tuple[str, ...]

@@ -27,6 +27,7 @@ from dynreg.results.helped import (
 from dynreg.results.refit import Refit
 from dynreg.results.result import Gain, change
 
+TIED = 3  # equivalents of a cause that a headline names
 NOISE_FLOORS = {
     "repeatability": "the difference of repeated runs",
     "stated_noise": "the stated sensor noise",
@@ -46,8 +47,11 @@ def diagnosis_sentence(of: Diagnosis) -> str:
 def _verdict_sentence(of: Diagnosis) -> str:
     """The larger part of what lowers the held-out error first: fitted parameters, or causes that clearly help."""
     name, shown = of.recording_name, [_effect(cause) for cause in helping(of)]
-    if shown and of.verdict == "ambiguous" and helping(of)[0] == of.causes[0]:
-        shown[0] += f" or {' or '.join(of.causes[0].equivalent) or 'another cause'}"
+    if len(shown) == 1:
+        shown = [f"{shown[0]} or {_others(cause)}" if _tied(cause) else shown[0] for cause in helping(of)]
+    else:
+        pairs = zip(shown, helping(of), strict=True)
+        shown = [f"{told} (or {_others(cause)})" if _tied(cause) else told for told, cause in pairs]
     causes, explain = " and ".join(shown), "explain" if shown[1:] else "explains"
     if calibration_leads(of):
         rest = {
@@ -92,8 +96,10 @@ def diagnosis_details(of: Diagnosis) -> tuple[str, ...]:
             out.append(
                 f"The calibrated model's error on {error.channel} is {error.calibrated:.3g} {error.unit}."
             )
-    if of.verdict == "ambiguous" and helping(of)[:1] == of.causes[:1]:
-        out.append("The recording does not separate these causes.")
+    shown = helping(of)
+    for cause in filter(_tied, shown):
+        pair = "these causes" if len(shown) == 1 else f"{cause.key} from {_others(cause)}"
+        out.append(f"The recording does not separate {pair}.")
     out += [*_gain_sentences(of), _doubtful_sentence(of)]
     out.append(over_start_sentence(of))
     if of.resembles is not None and of.resembles.outside and of.verdict == "unknown":
@@ -101,7 +107,7 @@ def diagnosis_details(of: Diagnosis) -> tuple[str, ...]:
     out += [residual_sentence(of.noise), _signal(of.residual) if of.verdict == "unknown" else ""]
     out += stable_sentences(of.stable)
     out += inseparable_sentences(of.looked, of.inseparable)
-    return tuple(line for line in out if line)
+    return tuple(dict.fromkeys(line for line in out if line))
 
 
 def doubt_words(of: Diagnosis) -> tuple[str, ...]:
@@ -269,6 +275,17 @@ def inseparable_sentences(looked: Looked | None, pairs: Sequence[Inseparable]) -
 
 def _effect(cause: Cause) -> str:
     return cause.effect + (f" of {', '.join(cause.places)}" if cause.places else "")
+
+
+def _tied(cause: Cause) -> bool:
+    """Whether others explain the recording as well as the cause, whatever else is left."""
+    return bool(cause.equivalent) or cause.verdict == "ambiguous"
+
+
+def _others(cause: Cause) -> str:
+    """Those that explain the recording as well, or how many beside the first few."""
+    told, more = cause.equivalent[:TIED], len(cause.equivalent) - TIED
+    return " or ".join([*told, f"{more} more"] if more > 0 else told) or "another cause"
 
 
 def _sizes(cause: Cause) -> str:

@@ -16,7 +16,7 @@ from dynreg.sim.effects import term
 from dynreg.verbs.effect_populations import held, posed
 from dynreg.verbs.query import QuerySettings
 from dynreg.verbs.settings import flags
-from dynreg.verbs.subjects import Recorded, word_of
+from dynreg.verbs.subjects import Recorded, word_for
 
 # Settings that it reads, and the distance, which a settings file tells to every query.
 READ = ("k", "population", "threads", "distance")
@@ -41,10 +41,11 @@ def looks_like(
     given = posed(asked, record.seed, settings.threads)
     told = commands(given.problem.data)
     if record.robot_hash != asked.robot.hash or not same(told, stretched(record.arrays["bank.actions"])):
+        word = word_for(asked.registry, asked.robot)
         raise UsageError(
             f"population {record.id[:12]} has other commands than {asked.name!r}",
             expected="entries that were simulated under the recording's own commands",
-            do=f"run `{command('populate', word_of(asked), '--effects', '--like', asked.name, '-n', 2000)}`",
+            do=f"run `{command('populate', word, '--effects', '--like', asked.name, '-n', 2000)}`",
         )
     population, ids, _ = held(asked.registry, record.id)
     guide, model = Guide(population), given.problem.model

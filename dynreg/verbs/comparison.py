@@ -58,7 +58,7 @@ def rollouts(robot: Robot, names: tuple[str, ...], scored: Scored) -> Rollouts:
         best=names[best],
         alike=tuple(names[i] for i, tie in ties.items() if tie[-1]),
         within=longest.within,
-        unscored=tuple(robot.channels[c] for c in longest.channels if not robot.file.channels[c].weight > 0),
+        unscored=tuple(robot.channels[c] for c in longest.channels[~longest.scored]),
         scores=tuple(score for errors in scored.errors for score in _scores(robot, names, errors)),
         traces=tuple(
             ComparedTrace(

@@ -7,8 +7,9 @@ import numpy as np
 from dynreg.diagnose.account import Account
 from dynreg.diagnose.diagnose import Diagnosed
 from dynreg.diagnose.doubts import replaced, stopped_by_bounds
+from dynreg.diagnose.measured import measured_effects
 from dynreg.diagnose.options import DiagnosisOptions
-from dynreg.diagnose.verdict import rivals
+from dynreg.diagnose.verdict import group_of, rivals
 from dynreg.evidence.estimate import gaussian
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
@@ -34,11 +35,10 @@ from dynreg.results.diagnosis import (
 )
 from dynreg.results.result import Cost, Gain
 from dynreg.results.sentence import diagnosis_sentence
-from dynreg.sim.effects import one_group
 from dynreg.verbs.diagnosis_words import experiments, finding, inputs, notes, threshold_note
 from dynreg.verbs.looked import inseparable, looked
 from dynreg.verbs.posteriors import posterior_told
-from dynreg.verbs.subjects import Recorded
+from dynreg.verbs.subjects import Recorded, word_for
 
 MOVED = 0.5  # a parameter is reported as moved from this many standard deviations of its nameplate on
 PLACES = 12  # reported rows of `where`
@@ -75,9 +75,8 @@ def document(
     of_robot = parameters(model, found.current, seen)
     limit, spread = made.threshold, made.problem.data.spread
     judged = made.judged
-    worst = (
-        judged.errors[judged.CALIBRATED] / np.maximum(spread, 1e-12)
-    ).argmax()  # channel of the calibrated simulator
+    size = judged.errors[judged.CALIBRATED] / np.maximum(spread, 1e-12)
+    worst = int(size[np.isfinite(size)].argmax())  # channel of the calibrated simulator
     told = Diagnosis(
         robot=model.robot.name,
         recording=asked.recording.id,
@@ -100,12 +99,12 @@ def document(
             gaussian(model.coordinates, found.current, seen.draws, seen.unidentified.alone)
         ),
         moved=_moved(made) if found.accepted else (),
-        error=errors[int(worst)],
+        error=errors[worst],
         errors=errors,
         where=_where(seen),
         finding=finding(seen.where),
         looked=looked(made, seen),
-        inseparable=inseparable(made, seen),
+        inseparable=inseparable(made, seen, word_for(asked.registry, asked.robot)),
         noise=Noise(
             **vars(made.evidence.noise), usual=made.evidence.usual, explained=made.evidence.explained
         ),
@@ -153,10 +152,10 @@ def _gain(own: Gained | None) -> Gain | None:
 
 def _causes(made: Diagnosed, seen: Account) -> tuple[Cause, ...]:
     robot, found, out = made.problem.model.robot, made.found, []
+    held = measured_effects(robot, made.problem.data.train)
     for number, naming in enumerate(found.rounds[: found.accepted]):
         term = naming.chosen.point.hypothesis.terms[-1]
-        others = [s.point.hypothesis.terms[-1] for s in naming.equivalent]
-        same = tuple(t.key for t in others if one_group(robot, term, t))
+        same = tuple(group_of(robot, term, tuple(held)))
         apart = tuple(rivals(robot, naming))
         later = made.verdict if made.verdict == "partly_explained" else "ambiguous" if apart else "named"
         out.append(
@@ -179,7 +178,7 @@ def _causes(made: Diagnosed, seen: Account) -> tuple[Cause, ...]:
 
 
 def _errors(made: Diagnosed) -> tuple[RolloutError, ...]:
-    """Errors of every weighted channel."""
+    """Errors of every scored channel that was measured in the judged part."""
     robot, judged = made.problem.model.robot, made.judged
     rows = dict(zip((*NAMES[:2], "unpenalised"), judged.errors, strict=False))
     rows["extended"] = judged.errors[judged.last]
@@ -193,6 +192,7 @@ def _errors(made: Diagnosed) -> tuple[RolloutError, ...]:
             part="test" if judged.tested else "select",
         )
         for c, column in enumerate(made.problem.data.use)
+        if np.isfinite(judged.errors[judged.CALIBRATED, c])
     )
 
 

@@ -18,12 +18,14 @@ from dynreg.diagnose.threshold import ALARMS, CONFIDENCE, FEW, USUAL
 from dynreg.diagnose.verdict import rivals
 from dynreg.diagnose.where import ErrorRow
 from dynreg.errors import command
+from dynreg.evidence.interval import NORMAL_90
 from dynreg.replay.holes import holes, sentence, without_start
 from dynreg.results.diagnosis import Pulled
 from dynreg.results.sentence import times
 from dynreg.sim.robot import Robot
 from dynreg.sim.sets import FRICTION_FIELDS
 from dynreg.verbs.held_out import held_out_notes
+from dynreg.verbs.unscored import unscored_notes
 
 WORDS = {
     "reversals": "where the motion reverses",
@@ -38,7 +40,6 @@ WORDS = {
     "log_end": "in the last third of the log",
 }
 MOVED = 1.0  # sigma: from here on a value is not robot.toml's, however wide its interval is
-NINETY_WIDE = 3.29  # sigma: the width of a 90 % interval of a normal distribution
 MUCH = 0.2  # of the error, which is told of a joint that nothing drives
 OWN = tuple(FRICTION_FIELDS.values())  # what such a joint has in MuJoCo's model
 DRIFT = ("overall", "early", "late")  # the error of every rollout grows with time: these regimes say nothing
@@ -111,7 +112,13 @@ def notes(
     if made.verdict != "none":
         out += not_driven(made.problem.model.robot, seen.where)
     out += not_ranked(made, options)
-    if made.evidence.noise.basis == "stated_noise":
+    noise = made.evidence.noise
+    if noise.ratio is None:
+        out.append(
+            f"no run was repeated and robot.toml states no noise of {noise.channel}: what no simulator can explain is "
+            "not known. State the noise, or repeat a run"
+        )
+    elif noise.basis == "stated_noise":
         out.append(
             "no run was repeated: the residual is compared with the stated sensor noise, the least that any simulator "
             "leaves"
@@ -124,6 +131,7 @@ def notes(
         )
     out += at_the_edge([name for name, _ in at_bounds(made.problem.model.coordinates, made.found.current)])
     out += held_out_notes(robot, made.problem.data.windows, made.problem.data.parts)
+    out += unscored_notes(robot, made.problem.data.windows, made.problem.data.parts)
     out += same_words(seen.same)
     return (*out, *identifiability_words(made.problem.model.robot, seen.unidentified, parameters))
 
@@ -246,7 +254,7 @@ def _pull(p: Pulled) -> float:
     if p.pulled_sigma is not None:
         return abs(p.pulled_sigma)
     width = 0.0 if p.low is None or p.high is None else p.high - p.low
-    return abs(p.value - p.nominal) * NINETY_WIDE / width if width > 0 else 0.0
+    return abs(p.value - p.nominal) * 2.0 * NORMAL_90 / width if width > 0 else 0.0
 
 
 def _shift(name: str, p: Pulled) -> str:

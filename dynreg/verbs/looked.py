@@ -33,8 +33,8 @@ def looked(made: Diagnosed, seen: Account) -> Looked | None:
     )
 
 
-def inseparable(made: Diagnosed, seen: Account) -> tuple[Inseparable, ...]:
-    """The rivals that the recording does not separate from the examined cause."""
+def inseparable(made: Diagnosed, seen: Account, word: str) -> tuple[Inseparable, ...]:
+    """The rivals that the recording does not separate from the examined cause. word : the robot's, in a command."""
     if seen.examined is None:
         return ()
     model, out = made.found.model, []
@@ -54,7 +54,7 @@ def inseparable(made: Diagnosed, seen: Account) -> tuple[Inseparable, ...]:
                 rival=_documents(estimates(model, one.point, number, one.draws, median=True)),
                 growth=one.growth,
                 absent=not proven and _may_be_absent(cause, inside),
-                experiment=excite_command(model.robot.name, cause.key, rival.key),
+                experiment=excite_command(word, cause.key, rival.key),
             )
         )
     return tuple(out)

@@ -27,6 +27,7 @@ from dynreg.sim.config import SimConfig
 from dynreg.verbs.held_out import held_out_notes
 from dynreg.verbs.posteriors import posterior_told
 from dynreg.verbs.subjects import Recorded
+from dynreg.verbs.unscored import unscored_notes
 
 TRACES = 6  # channels shown in a report
 
@@ -157,6 +158,7 @@ def judged(subject: Subject, chosen: Choice) -> Neighbours:
             *notes,
             *_bound_notes(synthesised),
             *held_out_notes(case.robot, case.data.windows, case.data.parts),
+            *unscored_notes(case.robot, case.data.windows, case.data.parts),
         ),
         cost=subject.cost(chosen.rollouts, len(chosen.tests)),
     )
@@ -213,7 +215,7 @@ def _stages(subject: Subject, chosen: Choice, simulators: dict[int, str]) -> tup
 
 def _channels(case: Case, chosen: Choice) -> tuple[ChannelError, ...]:
     """The errors of every measured channel: scored ones first, the largest (relative to the motion) of them on top."""
-    spread = case.data.windows.spread
+    spread, weight = case.data.windows.spread, case.data.windows.weight
     found = [
         ChannelError(
             channel=c.name,
@@ -221,7 +223,7 @@ def _channels(case: Case, chosen: Choice) -> tuple[ChannelError, ...]:
             nominal=before,
             answer=after,
             spread=float(spread[s]),
-            scored=c.weight > 0,
+            scored=bool(weight[s] > 0),
         )
         for s, (c, (before, after)) in enumerate(
             zip(case.robot.file.channels, chosen.channels.T.tolist(), strict=True)

@@ -6,9 +6,10 @@ import numpy as np
 
 from dynreg.data.units import suffix
 from dynreg.errors import UsageError, command
-from dynreg.evidence.estimate import NORMAL_90, free_quantities, unit_of
+from dynreg.evidence.estimate import free_quantities, unit_of
 from dynreg.evidence.gaussian import Gaussian, coordinates
 from dynreg.evidence.hypothesis import Coordinates, Hypothesis
+from dynreg.evidence.interval import NORMAL_90
 from dynreg.extend.folder_readme import plain_name
 from dynreg.extend.ranges import Carried, Fixed, Open, Quantity, partners, reached, uniform
 from dynreg.extend.traced import ENGINE, MODEL, Traced, traced

@@ -293,23 +293,20 @@ def _newest(registry: Registry, robot_hash: str) -> RobotInfo:
     return registry.robot_versions(registry.robots()[robot_hash])[-1]
 
 
-def word_for(registry: Registry, info: RobotInfo) -> str:
-    """A registered robot on the command line: its name where that means this one, else a prefix of its hash."""
+def word_for(registry: Registry, info: "RobotInfo | Robot") -> str:
+    """A robot on the command line: its name where that means this one, else a prefix of its hash.
+
+    It is registered, or will be with what is answered.
+    """
     from dynreg.sim.robot import packaged_robots
 
     taken = info.name in packaged_robots() or exists(info.name)
     if taken:
         means = loaded_robot(info.name).hash if info.name in packaged_robots() else None
     else:
-        means = registry.robot_versions(info.name)[-1].hash
+        known = registry.robot_versions(info.name)
+        means = known[-1].hash if known else info.hash
     return info.name if means == info.hash else info.hash[:12]
-
-
-def word_of(asked: Recorded) -> str:
-    """The robot that a recording is asked with, on the command line."""
-    versions = asked.registry.robot_versions(asked.robot.name)
-    mine = next((info for info in versions if info.hash == asked.robot.hash), None)
-    return asked.robot.hash[:12] if mine is None else word_for(asked.registry, mine)
 
 
 def register(registry: Registry, robot: "Robot", recording: "Recording", name: str | None = None) -> str:
@@ -447,7 +444,7 @@ def _no_population(asked: Recorded, older: Sequence[PopulationRecord]) -> NoMatc
     return NoMatchError(
         f"no simulators of {what}",
         expected=f"a population of the recording's robot in {str(registry.path)!r}",
-        do=f"run `dynreg populate {word_of(asked)} -n {size}`{instead}",
+        do=f"run `dynreg populate {word_for(registry, robot)} -n {size}`{instead}",
     )
 
 

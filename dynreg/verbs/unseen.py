@@ -1,14 +1,11 @@
 """The parts of a recording that a simulator was fitted to or chosen by; windows where they can be cut again."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dynreg.compare.rollouts import LONGEST
-from dynreg.replay.cut import windows
-from dynreg.replay.holes import hit, holes
+from dynreg.replay.cut import unbroken, usual_horizon, windows
 from dynreg.replay.parts import names
 from dynreg.replay.rows import rows_of
 
@@ -62,18 +59,14 @@ def _spans(asked: "Recorded", one: "Simulator") -> list[tuple[str, float, float]
 def _cuts(asked: "Recorded", horizon: float | None) -> "list[Windows]":
     """The recording as a diagnosis cuts it that was told this horizon [s] or none, and as a query does."""
     robot, recording = asked.robot, asked.recording
-    plain = windows(robot, recording)
-    longest = horizon or robot.file.replay.horizon or LONGEST
-    table = robot.file.replay.model_copy(update={"horizon": longest})
-    short = windows(replace(robot, file=robot.file.model_copy(update={"replay": table})), recording)
-    return [short.take(np.flatnonzero(~hit(short, holes(robot, recording)))), plain]
+    short = unbroken(robot, recording, usual_horizon(robot, horizon))
+    return [short, windows(robot, recording)]
 
 
 def _joined(asked: "Recorded", cut: "Windows") -> list[tuple[str, float, float]]:
-    time, out = rows_of(asked.robot, asked.recording).time, []
-    for number, (first, stop) in sorted(zip(cut.episode.tolist(), cut.rows.tolist(), strict=True)):
+    spans, out = rows_of(asked.robot, asked.recording).spans(cut.episode, cut.rows).tolist(), []
+    for number, (begin, end) in sorted(zip(cut.episode.tolist(), spans, strict=True)):
         name = asked.recording.episodes[number].name
-        begin, end = float(time[number][first]), float(time[number][stop - 1])
         if out and out[-1][0] == name and out[-1][2] == begin:
             out[-1] = (name, out[-1][1], end)
         else:

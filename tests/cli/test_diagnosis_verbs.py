@@ -9,6 +9,7 @@ import pytest
 
 from dynreg.cli.schemas import model_of
 from dynreg.data.recording import Recording
+from dynreg.sim.robot import load_robot
 
 VERBS = {
     "effects": ("effects",),
@@ -159,7 +160,7 @@ def test_excite_writes_commands_that_can_be_read_again(out: str, dynreg, session
     line = ("excite", "servo_pendulum", "--for", "payload,coulomb_friction", "--seconds", "4", "--seed", "2")
     ended = dynreg(*line, "-o", tmp_path / out, "--json")
     ((verb, given, named),) = session.asked
-    assert (verb, given) == ("excite", ("servo_pendulum",))
+    assert (verb, given[0].name) == ("excite", "servo_pendulum")
     assert named == {
         "between": ("payload", "coulomb_friction"),
         "seconds": 4.0,
@@ -176,9 +177,18 @@ def test_excite_writes_commands_that_can_be_read_again(out: str, dynreg, session
 def test_excite_lets_legs_hang_free(dynreg, session) -> None:
     ended = dynreg("excite", "quadruped", "--legs", "fl,rr", "--seconds", "30", "-o", "hanging")
     ((verb, given, named),) = session.asked
-    assert (verb, given) == ("excite_legs", ("quadruped",))
+    assert (verb, given[0].name) == ("excite_legs", "quadruped")
     assert (named["legs"], named["seconds"], named["folder"]) == (("fl", "rr"), 30.0, Path("hanging"))
     assert "read hanging/README.md" in ended.out and "fl.csv" in ended.out and "182" in ended.out
+
+
+def test_excite_finds_robots_that_the_registry_has(dynreg, session) -> None:
+    """The command that a diagnosis of one's own robot prints said that there is no such robot."""
+    session.answers["robot_folder"] = load_robot("servo_pendulum").folder
+    for word in (("--for", "payload,inertia", "-o", "next.csv"), ("--legs", "all", "-o", "hanging")):
+        assert dynreg("excite", "my_arm", *word).status == 0
+        (looked_up, (asked,), _), (_, (robot,), _) = session.asked[-2:]
+        assert (looked_up, asked, robot.name) == ("robot_folder", "my_arm", "servo_pendulum")
 
 
 def test_effects_of_one_joint_may_be_told_apart(dynreg, session) -> None:

@@ -8,9 +8,8 @@ from dynreg.compare.rollouts import STRETCHES, Errors, _blocks
 
 def errors(each: np.ndarray, noise: tuple[float, ...] = (0.01, 0.5, 0.1)) -> Errors:
     """Of (n, B, C + 1) mean errors of B blocks, each of one sample."""
-    return Errors(
-        1.0, each.shape[1], True, each, np.ones(each.shape[1:]), np.arange(2), np.array(noise), None
-    )
+    every = np.arange(2), np.ones(2, dtype=bool)
+    return Errors(1.0, each.shape[1], True, each, np.ones(each.shape[1:]), *every, np.array(noise), None)
 
 
 def test_without_an_interval_what_noise_or_rounding_hides_is_a_tie_all_the_same() -> None:

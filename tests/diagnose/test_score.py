@@ -15,6 +15,7 @@ from dynreg.diagnose.score import (
     by_either,
     chosen,
     confirmed,
+    passing,
     score,
 )
 from dynreg.evidence.likelihood import log_likelihood, mean_squares
@@ -85,3 +86,18 @@ def test_what_is_below_half_its_weak_size_is_not_ranked():
     little = with_effect("payload", 0.0, size=1e-3)
     naming = answered(score(model, data, plain(0.0), [little]), answer)
     assert naming.ranking == () and naming.small == ("payload",)
+
+
+def test_a_cause_above_the_threshold_gives_no_way_to_a_simpler_one_below_it():
+    """Stribeck's 21.5 nats passed 20, Coulomb's 19 were chosen as the simpler, and no cause was named."""
+    simple, rich = with_effect("load_friction", 0.0), with_effect("stribeck_load_friction", 0.0)
+    naming = chosen(Scored(plain(0.0), 0.0), (Scored(rich, 21.5), Scored(simple, 19.0)))
+    assert naming.chosen.key == "load_friction" and naming.most == 21.5, (
+        "what a robot without an effect scores"
+    )
+    found = passing(naming, 20.0)
+    assert found.chosen.key == "stribeck_load_friction" and [s.key for s in found.equivalent] == [
+        "load_friction"
+    ]
+    assert passing(naming, 18.0) is naming, "both pass: the simpler one"
+    assert passing(naming, 22.0).chosen is naming.chosen, "neither passes"

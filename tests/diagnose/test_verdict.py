@@ -11,6 +11,7 @@ from dynreg.diagnose.verdict import (
     Evidence,
     Left,
     Noise,
+    group_of,
     most_left,
     noise_of,
     remaining,
@@ -85,6 +86,15 @@ def test_rivals_leave_the_exact_group_out():
     assert rivals(load_robot("leg"), naming) == ["asymmetric_friction", "cogging[knee]"]
 
 
+def test_a_cause_is_told_with_its_whole_exact_group_whatever_that_scored():
+    """A late logger was told as commands that arrive late, as if certain, where a diagnosis asked for these alone."""
+    servo, leg = load_robot("servo_pendulum"), load_robot("leg")
+    assert group_of(servo, term("command_delay")) == ["sensor_delay"]
+    assert group_of(servo, term("command_delay"), ["sensor_delay"]) == []
+    assert group_of(leg, term("force_offset[knee]")) == ["asymmetric_friction[knee]"]
+    assert group_of(leg, term("backlash[knee]")) == []
+
+
 def test_a_slip_in_one_window_does_not_hide_that_the_others_are_explained():
     slipped = np.full((6, 50), 0.01)
     slipped[3] = 0.1
@@ -124,3 +134,14 @@ def test_what_robots_without_an_effect_leave_as_well_is_explained():
     for usual, explained in ((True, True), (False, False), (None, False)):
         assert Evidence(noise, {}, usual).explained is explained
     assert most_left([left(0.002, 9.0), left(0.003, 9.0)]) == pytest.approx(3.0)
+
+
+def test_without_any_noise_stated_no_ratio_is_told():
+    """An error of a milliradian was said to be 1,000,000,000 times the stated noise."""
+    servo = load_robot("servo_pendulum")
+    found = noise_of(servo, replace(left(0.001, 500.0), stated=0.0), repeats(None), 1)
+    assert found.ratio is None and found.floor == 0.0 and not found.explained
+    assert replace(found, white=True).explained, "white noise is explained, however large"
+    known = noise_of(servo, left(0.1, 500.0), repeats(None), 1)
+    assert worst([found, known]) is known
+    assert noise_of(servo, left(0.001, 500.0), repeats(0.001, 500.0), 1).ratio == pytest.approx(1.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dynreg.data.recording import Channel, Episode, Recording
-from dynreg.diagnose.diagnose import Diagnosed
+from dynreg.diagnose.diagnose import Diagnosed, left_over
 from dynreg.diagnose.judging import judge
 from dynreg.diagnose.options import DiagnosisOptions
 from dynreg.diagnose.plans import Short
@@ -15,7 +15,7 @@ from dynreg.diagnose.pose import pose
 from dynreg.diagnose.problem import Problem
 from dynreg.diagnose.threshold import Threshold
 from dynreg.diagnose.trial import Trials, Tried, covered
-from dynreg.diagnose.verdict import Evidence
+from dynreg.diagnose.verdict import Evidence, verdict_of
 from dynreg.diagnose.zeros import rezeroed
 from dynreg.evidence.hypothesis import Hypothesis
 from dynreg.evidence.lockstep import counted, run
@@ -79,6 +79,17 @@ def test_what_all_episodes_share_is_left_to_the_causes():
     found = run(rezeroed(model, data, model.start, data.parts.chosen))
     moved = (found.run.initial - data.windows.run.initial)[:, :2]
     assert np.allclose(moved, OFF[data.windows.episode], atol=4e-3)
+
+
+def test_zeros_that_differ_are_no_unexplained_error():
+    """They were fitted beside an accepted cause alone, so a robot that lacked nothing was called unknown."""
+    robot = load_robot("double_pendulum")
+    recording = _recording(robot.stepped(32))  # no error of the time step is left, which a robot has not
+    model, data = pose(robot, recording, DiagnosisOptions(hold_out="0", threads=1))
+    state = State(model, data.sample(data.fit), model.start, model.start)
+    assert not run(Evidence.of(state, recording)).explained
+    found = run(left_over(state, data, recording))
+    assert found.explained and verdict_of(robot, found, (), 0) == "none"
 
 
 def test_zeros_stay_where_none_is_set_anew(posed):

@@ -38,7 +38,7 @@ def emptied(recording: Recording, *places: tuple[int, str, slice]) -> Recording:
 
 def test_a_whole_recording_has_none(robot, recording):
     assert holes(robot, recording) == ()
-    assert not hit(windows(robot, recording), ()).any()
+    assert not hit(robot, recording, windows(robot, recording), ()).any()
 
 
 @pytest.mark.parametrize("channel", ["arm/position", "arm/target", "supply", "arm/enabled"])
@@ -46,23 +46,23 @@ def test_a_long_silence_is_a_hole_and_a_short_one_is_none(robot, recording, chan
     period = recording.episodes[0].time[1]
     long, short = int(0.3 / period), max(int(0.1 / period) - 1, 1)
     place, other = (1, channel, slice(10, 10 + long)), (2, channel, slice(20, 20 + short))
-    found = holes(robot, emptied(recording, place, other))
+    some = emptied(recording, place, other)
+    found = holes(robot, some)
     assert found == (Hole(channel, 1, 10, 9 + long),)
-    assert hit(windows(robot, recording), found).tolist() == [False, True, False, False, False]
+    assert hit(robot, some, windows(robot, some), found).tolist() == [False, True, False, False, False]
     said = sentence(recording, (*found, Hole(channel, 3, 4, 5)))
     assert said.startswith(f"{channel} has no value in rows 10 to {9 + long} of episode 'run1'")
     assert said.endswith("(and in 1 more places)")
 
 
 def test_windows_beside_a_hole_have_none(robot, recording):
-    table = robot.file.replay.model_copy(update={"horizon": 0.2})
-    fine = replace(robot, file=robot.file.model_copy(update={"replay": table}))
-    cut = windows(fine, recording)
+    cut = windows(robot, recording, horizon=0.2)
     mine = np.flatnonzero(cut.episode == 0)
     first, stop = (int(row) for row in cut.rows[mine[1]])
-    touched = hit(cut, [Hole("arm/position", 0, first + 1, stop - 2)])
+    touched = hit(robot, recording, cut, [Hole("arm/position", 0, first + 1, stop - 2)])
     assert np.flatnonzero(touched).tolist() == [mine[1]]
-    assert np.flatnonzero(hit(cut, [Hole("arm/position", 0, stop - 1, stop)])).tolist() == [mine[1], mine[2]]
+    both = hit(robot, recording, cut, [Hole("arm/position", 0, stop - 1, stop)])
+    assert np.flatnonzero(both).tolist() == [mine[1], mine[2]]
 
 
 def test_a_slow_sensor_has_none_between_its_samples(robot, recording):

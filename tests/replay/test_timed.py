@@ -8,7 +8,7 @@ from timed_khepera import timed_folder, timed_log
 
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.diagnose.verdict import begin_noise
-from dynreg.replay.cut import windows
+from dynreg.replay.cut import unbroken, windows
 from dynreg.replay.timed import on_grid
 from dynreg.replay.velocity import pose_columns
 from dynreg.replay.windows import ANYWHERE
@@ -69,6 +69,21 @@ def test_the_true_simulator_replays_a_timed_log_from_any_row(
     still = replace(cut.run, velocity=np.zeros_like(cut.run.velocity), before=None)
     lost = rollout(robot, robot.space.nominal[None], still, engine="unicycle").states[0] - cut.measured
     assert np.nanmax(np.abs(lost)) > 5e-3
+
+
+def test_a_gap_leaves_out_the_windows_about_it_and_no_others(robot: Robot) -> None:
+    """Rows of the log and of the grid were compared: the first window was left out, and that with the gap kept."""
+    log = timed_log(robot, 60)
+    (first,) = log.episodes
+    values, gap = first.values.copy(), slice(30, 36)
+    values[gap, :3] = np.nan
+    log = replace(log, episodes=(replace(first, values=values),))
+    every = windows(robot, log, horizon=3.0)
+    begin = first.time[0] + every.run.begin
+    end = begin + every.period * (every.rows[:, 1] - every.rows[:, 0] - 1)
+    whole = (end < first.time[gap][0]) | (begin > first.time[gap][-1])
+    assert whole[0] and whole[-1] and 0 < (~whole).sum() < 6
+    np.testing.assert_array_equal(unbroken(robot, log, 3.0).rows, every.rows[whole])
 
 
 def test_a_base_that_rolls_on_between_rare_poses_does_not_stand(robot: Robot) -> None:

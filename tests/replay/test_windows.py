@@ -8,12 +8,16 @@ import secret_servo
 from edited_log import edited
 
 from dynreg.data.recording import Episode, Recording
+from dynreg.diagnose.options import DiagnosisOptions
+from dynreg.diagnose.pose import pose
 from dynreg.errors import LogError
 from dynreg.replay.cut import windows
+from dynreg.replay.parts import parts
 from dynreg.replay.windows import Replayer, errors
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
 from dynreg.sim.robot import Robot, load_robot
+from dynreg.verbs.unscored import unscored_notes
 
 
 @pytest.fixture(scope="module")
@@ -91,6 +95,34 @@ def test_weights_are_shares_and_spreads_never_below_the_noise(robot, recording):
         recording, lambda _, v: v.__setitem__((slice(None), columns(recording, *robot.channels)), 0.3)
     )
     np.testing.assert_allclose(windows(robot, still).spread, [0.001534, 0.024])
+
+
+def both_scored(robot: Robot) -> Robot:
+    every = [c.model_copy(update={"weight": 1.0}) for c in robot.file.channels]
+    return replace(robot, file=robot.file.model_copy(update={"channels": every}))
+
+
+def test_a_channel_that_holds_still_is_not_scored_beside_one_that_moves(robot, recording):
+    """Its unit was its noise, so a simulator that erred there by a hundredth of the motion was all wrong."""
+    velocity, robot = columns(recording, "arm/velocity"), both_scored(robot)
+    noise = 0.024 * np.random.default_rng(1).standard_normal((61, 1))
+    still = edited(recording, lambda _, v: v.__setitem__((slice(None), velocity), noise))
+    cut = windows(robot, still)
+    np.testing.assert_allclose(windows(robot, recording).weight, [0.5, 0.5])
+    np.testing.assert_allclose(cut.weight, [1.0, 0.0])
+    told = unscored_notes(robot, cut, parts(still, cut, None))
+    assert told == ("arm/velocity moves by no more than 3 times the noise in robot.toml: no error counts it",)
+    assert unscored_notes(robot, windows(robot, recording), parts(recording, cut, None)) == ()
+
+
+def test_a_sensor_that_is_slower_than_rollouts_is_not_scored(robot, recording):
+    """A diagnosis searched to the end, and then had no error to tell of it."""
+    velocity, robot = columns(recording, "arm/velocity"), both_scored(robot)
+    slow = edited(recording, lambda _, v: v.__setitem__((np.arange(61) % 20 > 0, velocity[0]), np.nan))
+    model, data = pose(robot, slow, DiagnosisOptions(horizon=0.15, threads=1))
+    assert data.use.tolist() == [0] and windows(robot, slow).weight.tolist() == [0.5, 0.5]
+    (told,) = unscored_notes(robot, data.windows, data.parts)
+    assert told.startswith("arm/velocity has no value after the start of a rollout: no error counts it")
 
 
 def test_a_simulation_that_diverged_counts_as_ten_times_the_motion(robot, recording, monkeypatch):

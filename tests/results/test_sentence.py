@@ -37,6 +37,27 @@ def test_an_ambiguous_one_names_the_others() -> None:
     assert "The recording does not separate these causes." in diagnosis_details(MADE["ambiguous"])
 
 
+def test_whatever_the_verdict_the_equivalents_of_each_shown_cause_are_told() -> None:
+    """Beside an ambiguous first cause alone they were: one that explains a part stood there as if certain."""
+    given = MADE["partly_explained"]
+    first, second = given.causes
+    some = first.model_copy(
+        update={"equivalent": ("inertia[arm]", "backlash", "payload", "cogging", "gear_loss")}
+    )
+    told = given.model_copy(update={"causes": (some,)})
+    assert diagnosis_sentence(told) == (
+        "load_friction of arm or inertia[arm] or backlash or payload or 2 more explains part of the error of"
+        " bench_monday."
+    )
+    assert "The recording does not separate these causes." in diagnosis_details(told)
+    sure = second.model_copy(update={"gain": Gain(value=0.1, low=0.05, high=0.2)})
+    both = MADE["named"].model_copy(update={"causes": (first, sure)})
+    assert diagnosis_sentence(both) == (
+        "bench_monday shows load_friction of arm and command_delay (or sensor_delay)."
+    )
+    assert "The recording does not separate command_delay from sensor_delay." in diagnosis_details(both)
+
+
 def test_a_part_is_called_a_part_and_every_cause_that_helps_is_named() -> None:
     first, second = MADE["partly_explained"].causes
     sure = second.model_copy(update={"gain": Gain(value=0.1, low=0.05, high=0.2)})
@@ -169,7 +190,7 @@ def test_causes_that_help_less_than_calibration_come_second() -> None:
         "far better, and the recording shows load_friction of arm."
     )
     assert diagnosis_sentence(led_by_calibration("partly_explained", helps)).endswith(
-        "far better, and load_friction of arm and command_delay explain part of the remaining error."
+        "far better, and load_friction of arm and command_delay (or sensor_delay) explain part of the remaining error."
     )
     weak = led_by_calibration(gain=helps, errors=MADE["named"].errors)
     assert "predicts bench_monday better, and" in diagnosis_sentence(weak)
@@ -200,7 +221,9 @@ def test_causes_that_help_only_together_are_shown_together() -> None:
     given = MADE["partly_explained"].model_copy(update={"causes": (first, second)})
     assert diagnosis_sentence(given).startswith("No effect")
     both = given.model_copy(update={"gain": Gain(value=0.3, low=0.2, high=0.4)})
-    assert diagnosis_sentence(both).startswith("load_friction of arm and command_delay explain part")
+    assert diagnosis_sentence(both).startswith(
+        "load_friction of arm and command_delay (or sensor_delay) explain part"
+    )
     assert not any("do not rely" in line for line in diagnosis_details(both))
 
 

@@ -16,6 +16,7 @@ from dynreg.registry import verify
 from dynreg.session import Session
 from dynreg.sim.config import SimConfig
 from dynreg.sim.robot import load_robot
+from dynreg.verbs.subjects import word_for
 
 QUICK = {"budget": 7, "synthesise": False}
 
@@ -195,3 +196,13 @@ def test_a_recording_without_a_setting_is_shown_beside_a_simulator(reg: Session,
         UsageError, match=r"recording 'no gain' lacks what .*: rows at 50 Hz \(it has 100 Hz\)"
     ):
         reg.frames("no gain", simulator)
+
+
+def test_the_word_of_a_robot_means_it_before_it_is_registered_too(
+    reg: Session, heavier: Path, tmp_path: Path
+):
+    """A command that a diagnosis of a log prints stands where its robot is not kept yet."""
+    own = load_robot(edited(tmp_path / "own", ('name = "servo_pendulum"', 'name = "armg"')))
+    packaged, other = load_robot("servo_pendulum"), load_robot(heavier)
+    words = [word_for(reg.registry, robot) for robot in (packaged, other, own)]
+    assert words == ["servo_pendulum", other.hash[:12], "armg"]

@@ -125,9 +125,9 @@ def noise_words(noise: Noise | None) -> str:
     if noise is None:
         return "The unexplained error cannot be judged: no run was repeated and no noise is stated."
     left = f"The unexplained error of {noise.channel} is {number(noise.left)} {noise.unit}"
-    if noise.ratio is None:
-        return f"{left}. {FLOORS[noise.basis].capitalize()} is not known."
     white = {True: " It looks like white noise.", False: " It is not white noise.", None: ""}[noise.white]
+    if noise.ratio is None:
+        return f"{left}. {FLOORS[noise.basis].capitalize()} is not known.{white}"
     return f"{left}: {times(noise.ratio)} times {FLOORS[noise.basis]} ({number(noise.floor)} {noise.unit}).{white}"
 
 
