@@ -94,7 +94,7 @@ class Moment:
 
     @property
     def draw(self) -> np.ndarray:
-        """(rows, joints) standard normal, one for each command; 0 where the run has none."""
+        """(rows, joints) random numbers, one for each command; 0 where the run has none."""
         return self.drawn()
 
 
@@ -293,6 +293,10 @@ class Terms:
 
     terms: tuple[Term, ...] = ()
     values: tuple[np.ndarray, ...] = ()
+
+    def __add__(self, other: "Terms") -> "Terms":
+        """Those of the same simulators, and others that they have besides."""
+        return Terms((*self.terms, *other.terms), (*self.values, *other.values))
 
     def tiled(self, times: int) -> "Terms":
         """Those of the same B simulators, so many times one after the other."""
