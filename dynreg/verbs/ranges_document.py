@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from dynreg.errors import UsageError, command
-from dynreg.evidence.estimate import NORMAL_90, free_quantities, unit_of
+from dynreg.evidence.estimate import NORMAL_90, free_quantities
 from dynreg.evidence.gaussian import Gaussian, coordinates
 from dynreg.evidence.hypothesis import Coordinates, Hypothesis
 from dynreg.extend.folder_readme import plain_name
@@ -16,6 +16,7 @@ from dynreg.results.neighbours import Neighbours
 from dynreg.results.result import Interval
 from dynreg.sim.config import terms_of
 from dynreg.sim.effects import Terms
+from dynreg.sim.effects.on_slides import unit_of
 from dynreg.sim.robot import Robot
 from dynreg.sim.space import Parameter
 from dynreg.verbs.posteriors import posterior_of
