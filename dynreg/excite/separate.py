@@ -159,7 +159,7 @@ class Judge:
     """What the episodes of a pool are expected to tell between two hypotheses, given the rivals found so far.
 
     noise, effective : (E, C), as `Rival.refit` takes them. reached : (E, 2, S) lowest and highest true states.
-    usable : (E,) where nothing fell, diverged or left its range. rivals : of each hypothesis.
+    usable : (E,) where nothing fell, diverged, left its range or hit a stop. rivals : of each hypothesis.
     """
 
     pair: Pair
@@ -172,7 +172,7 @@ class Judge:
         plain = [(-1, np.zeros(len(pair.coordinates)))]
         made = pair.simulate(plain + self.truths, self.pool.run)
         disturbed = pair.simulate(plain, self.pool.run, disturbed=True)
-        self.usable, self.reached = reached_by(robot, made.states, made.fell)
+        self.usable, self.reached = reached_by(robot, made.states, made.fell, self.pool.run.period)
         self.usable &= followed(disturbed.states, disturbed.fell)
         seen = self._seen(made)
         self._true = seen[1:]
