@@ -14,8 +14,7 @@ from dynreg.evidence.hypothesis import WORTH
 from dynreg.evidence.interval import NINETY, prior_widths
 from dynreg.evidence.point import clipped
 from dynreg.sim.config import SimConfig, effects_of
-from dynreg.sim.effects import Terms
-from dynreg.sim.effects.on_slides import unit_of
+from dynreg.sim.effects import Terms, unit_of
 
 SIGMA = 1.645  # standard deviations from the middle of a 90 % interval to its end
 NARROWEST = 1e-12  # variance of a coordinate: no interval is a point

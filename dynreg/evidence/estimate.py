@@ -9,7 +9,7 @@ from dynreg.evidence.hypothesis import Coordinates, Hypothesis, effect_bounds
 from dynreg.evidence.interval import NINETY, Posterior
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point, bounds
-from dynreg.sim.effects.on_slides import unit_of
+from dynreg.sim.effects import unit_of
 
 NORMAL_90 = 1.645  # standard deviations to each side of a normal distribution that hold 90 %
 EDGE = 1e-3  # of a coordinate: nearer to a bound is on it; no fit tells so little

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from dynreg.sim.effects import Effect, Term, Terms
-from dynreg.sim.effects.on_slides import unit_at, unit_of
+from dynreg.sim.effects import Effect, Term, Terms, unit_of
+from dynreg.sim.effects.on_slides import unit_at
 from dynreg.sim.engines.acting import acting, configure_terms
 from dynreg.sim.engines.mujoco_model import assign, configure
 from dynreg.sim.fields import names_of

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from dynreg.extend.carry import Carrier, carries
-from dynreg.sim.effects import Term
-from dynreg.sim.effects.on_slides import unit_of
+from dynreg.sim.effects import Term, unit_of
 from dynreg.sim.ports import Ports, servo_law
 from dynreg.sim.robot import Robot
 from dynreg.sim.sets import is_limit

@@ -8,7 +8,7 @@ from dynreg.extend.folder_readme import Written, plain_name
 from dynreg.extend.robot_folder import export_robot
 from dynreg.registry import Registry
 from dynreg.results.robots import CarriedEffect, RobotFolder
-from dynreg.sim.effects.on_slides import unit_of
+from dynreg.sim.effects import unit_of
 from dynreg.sim.robot import Robot
 from dynreg.verbs.in_mujoco import in_mujoco
 from dynreg.verbs.simulator import NOMINAL, Simulator

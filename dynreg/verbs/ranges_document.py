@@ -15,8 +15,7 @@ from dynreg.results.diagnosis import Diagnosis
 from dynreg.results.neighbours import Neighbours
 from dynreg.results.result import Interval
 from dynreg.sim.config import terms_of
-from dynreg.sim.effects import Terms
-from dynreg.sim.effects.on_slides import unit_of
+from dynreg.sim.effects import Terms, unit_of
 from dynreg.sim.robot import Robot
 from dynreg.sim.space import Parameter
 from dynreg.verbs.posteriors import posterior_of

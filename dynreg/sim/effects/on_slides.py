@@ -1,24 +1,26 @@
-"""Slides among the joints of a robot: units of effects, which are written for hinges, and what only turns."""
+"""Slides among the joints of a robot: units of effects, which are written for hinges, and what a radian is there."""
 
 from collections.abc import Iterable
 from types import MappingProxyType
 
 import mujoco
 
-from dynreg.sim.effects.effect import EffectParameter, Term
 from dynreg.sim.robot import Robot
 
-ON_SLIDES = MappingProxyType(  # units of effects, as they are written for hinges
-    {
-        "rad": "m",
-        "rad/s": "m/s",
-        "N*m": "N",
-        "N*m/s": "N/s",
-        "N*m/rad": "N/m",
-        "N*m*s/rad": "N*s/m",
-        "N*m*s^2/rad^2": "N*s^2/m^2",
-        "kg*m^2": "kg",
-    }
+ON_SLIDES = (
+    MappingProxyType(  # units of effects, as they are written for hinges: on slides, and powers of a radian
+        {
+            "rad": ("m", 1),
+            "rad/s": ("m/s", 1),
+            "rad/(N*m)": ("m/N", 0),  # in multiples of what a slide's own stiffness gives
+            "N*m": ("N", 0),
+            "N*m/s": ("N/s", 0),
+            "N*m/rad": ("N/m", -1),
+            "N*m*s/rad": ("N*s/m", -1),
+            "N*m*s^2/rad^2": ("N*s^2/m^2", -2),
+            "kg*m^2": ("kg", 0),
+        }
+    )
 )
 
 
@@ -35,18 +37,13 @@ def unit_at(robot: Robot, joints: Iterable[str], unit: str) -> str:
     >>> unit_at(load_robot("emps"), ["slider"], "N*m"), unit_at(load_robot("leg"), ["knee"], "N*m")
     ('N', 'N*m')
     """
-    return ON_SLIDES.get(unit, unit) if {*joints} <= {*slides_of(robot)} else unit
+    return ON_SLIDES.get(unit, (unit, 0))[0] if {*joints} <= {*slides_of(robot)} else unit
 
 
-def unit_of(robot: Robot, term: Term, parameter: EffectParameter) -> str:
-    """The unit of an effect's parameter where it acts: on slides, forces and metres instead of torques and angles.
+def power_of_radians(unit: str) -> int:
+    """How often a size in a unit, as it is written for hinges, has a radian in it that no other quantity stands for.
 
-    A drive that is told a speed has commands in the unit of its action; where those of a base differ (speed and yaw
-    rate), one number is of each in its own: "m/s or rad/s".
+    >>> power_of_radians("rad/s"), power_of_radians("N*m*s/rad"), power_of_radians("N*m")
+    (1, -1, 0)
     """
-    if robot.planar and parameter.per == "command":
-        told = dict.fromkeys(action.unit for action in robot.file.actions)
-        return " or ".join(unit if parameter.unit == "rad" else unit.replace("/s", "/s^2") for unit in told)
-    if term.effect.scope != "joint" or robot.planar:
-        return parameter.unit
-    return unit_at(robot, term.joints or robot.driven, parameter.unit)
+    return ON_SLIDES.get(unit, (unit, 0))[1]
