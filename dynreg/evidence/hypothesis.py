@@ -12,8 +12,6 @@ import numpy as np
 
 from dynreg.sim.effects import EffectParameter, Term, applicable, placed
 from dynreg.sim.effects.body import at_reset, body_at, carrier, driven_dofs, lever
-from dynreg.sim.effects.on_slides import power_of_radians, slides_of
-from dynreg.sim.excitation import FREE, command_range, reset_pose, targets
 from dynreg.sim.ports import largest_speeds, nominal_ports, servo_law
 from dynreg.sim.robot import Robot
 from dynreg.sim.sets import is_limit
@@ -170,21 +168,6 @@ class Coordinates:
             "command": reach,
         }
 
-    @cached_property
-    def radians(self) -> np.ndarray:
-        """(A,) what stands for 1 rad at each drive's joint: itself at a hinge; at a slide, a length [m].
-
-        It is to the slide's range as 1 rad is to the range of hinges for which nothing states one.
-        """
-        robot, slides = self.robot, slides_of(self.robot)
-        told, held, out = command_range(robot, reset_pose(robot)), targets(robot), np.ones(len(robot.joints))
-        for a in (a for a, name in enumerate(robot.joints) if name in slides):
-            joint = robot.model.joint(robot.joints[a])
-            free = told[a] if held[a] else (-FREE["m"], FREE["m"])
-            low, high = joint.range if robot.model.jnt_limited[joint.id] else free
-            out[a] = (high - low) / (2.0 * FREE["rad"])
-        return out
-
     @property
     def drive_limits(self) -> np.ndarray:
         """(A,) what a disturbance of each drive is a share of: its torque limit, in a planar base its largest speed."""
@@ -193,15 +176,12 @@ class Coordinates:
     def scale(self, term: Term, parameter: EffectParameter) -> float:
         """What one medium size of this parameter is, in its unit.
 
-        The mean over the term's joints, of those that have such a quantity; where none has, over the robot's. Sizes are
-        written for hinges: of slides, with `radians` in place of 1 rad.
+        The mean over the term's joints, of those that have such a quantity; where none has, over the robot's.
         """
         if term.bodies and parameter.per == "length":
             return float(parameter.medium * lever(self.robot, body_at(self.robot, term.bodies)))
         at = self.robot.drives_of(term.joints)
         every = self.scales[parameter.per]
-        if term.effect.scope == "joint":
-            every = every * self.radians ** power_of_radians(parameter.unit)
         own = every[at]
         return float(parameter.medium * np.nanmean(own if np.isfinite(own).any() else every))
 

@@ -1,8 +1,6 @@
 """Which sizes of effects are worth a name, and which effects no commands tell apart."""
 
-import shutil
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -48,26 +46,6 @@ def test_a_tilt_is_about_the_first_hinge_where_no_other_turns_it(name, about):
     assert tilt.effect.about(robot, ()) == about
     alike = [t.key for t in single_terms(robot) if t.key != tilt.key and one_group(robot, tilt, t)]
     assert alike == [f"encoder_offset[{joint}]" for joint in about or ()]
-
-
-@pytest.mark.parametrize(("stops", "metres"), [("", 1.0), (' range="-0.1 0.22"', 0.32)])
-def test_sizes_on_a_slide_follow_its_range(stops: str, metres: float, tmp_path: Path):
-    """1 rad of a size is there what it is of 6.4 rad; quantities of the drive and of the robot stay as they are."""
-    shutil.copytree(load_robot("emps").folder, tmp_path / "emps")
-    model = tmp_path / "emps" / "model.xml"
-    model.write_text(model.read_text().replace('type="slide"', f'type="slide"{stops}'))
-    c = Coordinates(load_robot(tmp_path / "emps"), np.full(3, np.nan))
-    radian, turn = metres / 6.4, np.pi / 180
-    for key, medium in (
-        ("backlash", turn * radian),
-        ("viscous_friction", 0.15 * 351.5 / (6.0 * radian)),
-        ("quadratic_drag", 0.06 * 351.5 / (6.0 * radian) ** 2),
-        ("coulomb_friction", 0.03 * 351.5),
-        ("gravity_tilt", 3 * turn),
-    ):
-        assert c.scale(term(key), term(key).effect.size) == pytest.approx(medium, rel=1e-9), key
-    arm = load_robot("two_joint_arm")
-    assert (Coordinates(arm, np.full(len(arm.space), np.nan)).radians == 1.0).all()
 
 
 def without_limits(name: str) -> Robot:
