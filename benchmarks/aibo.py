@@ -10,7 +10,7 @@ from dynreg.rng import stream
 from dynreg.sim.effects import Term, Terms, term
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import command_limits, reset_pose
-from dynreg.sim.real import DISTURBANCE, disturbance, disturbed, finer, largest_drive, sensed
+from dynreg.sim.real import disturbance, disturbed, drive_limits, finer, sensed
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
 from dynreg.sim.space import ParameterSpace
@@ -124,14 +124,11 @@ def logged(
     The truth has a finer time step, disturbances of its own, sensor noise and quantisation, as `SimulatedRobot` has. A
     log ends with a fall, and is left out where that comes in the first `shortest` seconds.
     """
-    truth, actions = finer(robot), np.stack([*commands.values()])
+    truth, limits, actions = finer(robot), drive_limits(robot), np.stack([*commands.values()])
     rng = stream(hidden.seed, "hidden aibo", robot.name, *commands)
-    run = disturbed(truth, Run(actions, period=1.0 / robot.rate), rng)
+    run = disturbed(Run(actions, period=1.0 / robot.rate), limits, rng)
     terms, values = hidden.effects(robot)
-    active = Terms(
-        (*terms, disturbance(truth)),
-        (*(v[None] for v in values), np.array([[DISTURBANCE * largest_drive(robot)]])),
-    )
+    active = Terms(terms, tuple(v[None] for v in values)) + disturbance(truth, limits)
     done = rollout(truth, hidden.values(robot.space)[None], run, terms=active, threads=threads)
     told = np.concatenate([actions, actions[:, -1:]], axis=1)
     table = np.concatenate([sensed(robot, done.states[0], rng), told], axis=-1)

@@ -34,7 +34,7 @@ from dynreg.results import Diagnosis
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.effects import Terms, term
 from dynreg.sim.engines import rollout
-from dynreg.sim.real import DISTURBANCE, disturbance, finer
+from dynreg.sim.real import disturbance, finer
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
 
@@ -85,18 +85,12 @@ def interval(found: Diagnosis) -> dict[str, list[float]]:
 def copies(robot: Robot, run: Run, seeds: range) -> list[Copy]:
     """Robots of the nameplate that get the commands of `run` (one episode), on another engine than the diagnosis."""
     drawn = [_drawn(robot, seed) for seed in seeds]
-    truth, limit = (
-        finer(robot),
-        float(np.mean(Coordinates(robot, np.full(len(robot.space), np.nan)).scales["torque"])),
-    )
+    truth, limits = finer(robot), Coordinates(robot, np.full(len(robot.space), np.nan)).drive_limits
     draws = np.stack([stream(seed, "copy disturbance").standard_normal((1, run.steps, 1)) for seed in seeds])
     terms = Terms(
-        (*(term(key) for key in EFFECTS), disturbance(truth)),
-        (
-            *(np.array([[d[key] * (BOB if key == "payload" else 1.0)] for d in drawn]) for key in EFFECTS),
-            np.full((len(drawn), 1), DISTURBANCE * limit),
-        ),
-    )
+        tuple(term(key) for key in EFFECTS),
+        tuple(np.array([[d[key] * (BOB if key == "payload" else 1.0)] for d in drawn]) for key in EFFECTS),
+    ) + disturbance(truth, limits).tiled(len(drawn))
     parameters = np.array([d["parameters"] for d in drawn])
     own = replace(run, draws=draws)
     states = rollout(truth, parameters, own, engine="mujoco", threads=1, terms=terms).states[:, 0]

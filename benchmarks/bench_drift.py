@@ -22,13 +22,12 @@ from scipy.stats import binomtest
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.drift.compared import Held, Plan, compared
 from dynreg.drift.drift import drift
-from dynreg.evidence.hypothesis import Coordinates
 from dynreg.evidence.truth import hide
 from dynreg.results import Drift
 from dynreg.rng import stream, stream_seed
 from dynreg.sim.effects import Terms, term
 from dynreg.sim.engines import rollout
-from dynreg.sim.real import DISTURBANCE, disturbance, finer, sensed
+from dynreg.sim.real import disturbance, draws, drive_limits, finer, sensed
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
 from dynreg.timed.drift import shifts
@@ -111,11 +110,10 @@ def recordings(robot: Robot, some: list[Case]) -> list[tuple[Recording, Recordin
     longest = max(int(steps.max()) for _, steps in drawn)
     actions = np.stack([a[:, :longest] for a, _ in drawn])
     rest = np.zeros((EPISODES, len(robot.channels)))
-    draws = stream(some[0].seed, "unsteady wheels").standard_normal(actions.shape)
-    run = Run(actions, period=PERIOD, initial=rest, draws=draws)
-    truth = finer(robot)
-    unsteady = DISTURBANCE * Coordinates(robot, np.full(len(robot.space), np.nan)).drive_limit
-    active = Terms((*terms.terms, disturbance(truth)), (*terms.values, np.full((len(values), 1), unsteady)))
+    truth, limits = finer(robot), drive_limits(robot)
+    unsteady = draws(actions.shape[:-1], limits, stream(some[0].seed, "unsteady wheels"))
+    run = Run(actions, period=PERIOD, initial=rest, draws=unsteady)
+    active = terms + disturbance(truth, limits).tiled(len(values))
     states = rollout(truth, values, run, engine="unicycle", terms=active, threads=1).states
     logs = [
         _logged(robot, s, a, steps, stream(some[i // 2].seed, "sensors", i % 2))

@@ -11,7 +11,7 @@ from dynreg.gait.tasks import Task, fitness
 from dynreg.rng import stream
 from dynreg.sim.effects import Terms
 from dynreg.sim.engines import Arena
-from dynreg.sim.real import DISTURBANCE, disturbance, disturbed, largest_drive
+from dynreg.sim.real import disturbance, disturbed, drive_limits
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
 
@@ -30,12 +30,11 @@ class Tape:
 
     def __call__(self, actions: np.ndarray, rate: float, name: str) -> float | None:
         """The score; None for a fall. Disturbances of a trial are drawn by its name."""
-        truth = self.robot.stepped(FINER)
+        truth, limits = self.robot.stepped(FINER), drive_limits(self.robot)
         rng = stream(self.hidden.seed, "tape", name)
-        run = disturbed(truth, Run(actions[None], period=1.0 / rate), rng)
+        run = disturbed(Run(actions[None], period=1.0 / rate), limits, rng)
         terms, values = self.hidden.effects(self.robot)
-        size = np.array([[DISTURBANCE * largest_drive(self.robot)]])
-        active = Terms((*terms, disturbance(truth)), (*(v[None] for v in values), size))
+        active = Terms(terms, tuple(v[None] for v in values)) + disturbance(truth, limits)
         parameters = self.hidden.values(self.robot.space)[None]
         told = {"terms": active, "threads": self.threads, "laid": self.task.laid()}
         walk = Arena(truth, parameters, run, **told).walk(run)

@@ -10,12 +10,11 @@ import numpy as np
 
 from dynreg.diagnose.refitted import Fitted, Refit, Value
 from dynreg.diagnose.score import PER_PARAMETER
-from dynreg.evidence.estimate import unit_of
 from dynreg.evidence.hypothesis import WORTH
 from dynreg.evidence.interval import NINETY, NORMAL_90, prior_widths
 from dynreg.evidence.point import clipped
 from dynreg.sim.config import SimConfig, effects_of
-from dynreg.sim.effects import Terms
+from dynreg.sim.effects import Terms, unit_of
 
 NARROWEST = 1e-12  # variance of a coordinate: no interval is a point
 WIDE = 100.0  # standard deviations of a difference, in those of the nameplate: a difference that no log tells is 0

@@ -205,7 +205,7 @@ def null_data(problem: Problem, robot: Robot, seed: int) -> Search[Data]:
     truth = null_robot(model, seed)
     measured = yield from measured_states(robot, truth, windows.run, engine=model.engine)
     measured = np.where(np.isnan(windows.measured), np.nan, measured)
-    begun = starts(robot, windows.run.actions, measured, windows.run.before)
+    begun = starts(robot, windows.run.actions, measured, windows.run.rolling)
     initial = np.where(np.isnan(windows.run.initial), np.nan, begun)
     windows = replace(windows, measured=measured, run=replace(windows.run, initial=initial))
     fit = np.arange(len(windows)) < len(posed.fit)

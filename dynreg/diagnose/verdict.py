@@ -184,7 +184,7 @@ def begin_noise(robot: Robot, windows: Windows) -> np.ndarray:
     columns = pose_columns(robot)
     if columns is None:
         return out
-    still = standing(robot, windows.run.actions, windows.measured, windows.run.before)
+    still = standing(robot, windows.run.actions, windows.measured, windows.run.rolling)
     known = np.isfinite(windows.measured[..., columns]).all(axis=2)
     rows = np.array([max(k[:many].sum(), 1) for k, many in zip(known, still, strict=True)])
     noise = (

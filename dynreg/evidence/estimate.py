@@ -1,9 +1,7 @@
 """Parameters of a term, in its units and with their intervals, from draws of the posterior."""
 
 from dataclasses import dataclass
-from types import MappingProxyType
 
-import mujoco
 import numpy as np
 
 from dynreg.evidence.gaussian import Gaussian, coordinates, correlations_of
@@ -11,22 +9,9 @@ from dynreg.evidence.hypothesis import Coordinates, Hypothesis, effect_bounds
 from dynreg.evidence.interval import NINETY, NORMAL_90, Posterior
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point, bounds
-from dynreg.sim.effects import EffectParameter, Term
-from dynreg.sim.robot import Robot
+from dynreg.sim.effects import unit_of
 
 EDGE = 1e-3  # of a coordinate: nearer to a bound is on it; no fit tells so little
-ON_SLIDES = MappingProxyType(  # units of effects, as they are written for hinges
-    {
-        "rad": "m",
-        "rad/s": "m/s",
-        "N*m": "N",
-        "N*m/s": "N/s",
-        "N*m/rad": "N/m",
-        "N*m*s/rad": "N*s/m",
-        "N*m*s^2/rad^2": "N*s^2/m^2",
-        "kg*m^2": "kg",
-    }
-)
 
 
 @dataclass(frozen=True)
@@ -115,21 +100,3 @@ def free_quantities(
     ends = c.effect_values(hypothesis, effect_bounds(hypothesis).T)
     limits = [c.robot.space.bounds[c.free], *(np.sort(one.T, axis=1) for one in ends)]
     return tuple(names), tuple(scales), np.concatenate(limits)
-
-
-def unit_of(robot: Robot, term: Term, parameter: EffectParameter) -> str:
-    """The unit of an effect's parameter where it acts: on slides, forces and metres instead of torques and angles.
-
-    A drive that is told a speed has commands in the unit of its action; where those of a base differ (speed and yaw
-    rate), one number is of each in its own: "m/s or rad/s".
-    """
-    if robot.planar and parameter.per == "command":
-        told = dict.fromkeys(action.unit for action in robot.file.actions)
-        return " or ".join(unit if parameter.unit == "rad" else unit.replace("/s", "/s^2") for unit in told)
-    if robot.planar:
-        return parameter.unit
-    joints = [joint for joint in robot.driven if not term.joints or joint in term.joints]
-    slides = [robot.model.joint(j).type[0] == mujoco.mjtJoint.mjJNT_SLIDE for j in joints]
-    if term.effect.scope != "joint" or not slides or not all(slides):
-        return parameter.unit
-    return ON_SLIDES.get(parameter.unit, parameter.unit)

@@ -169,9 +169,9 @@ class Coordinates:
         }
 
     @property
-    def drive_limit(self) -> float:
-        """What a disturbance is a share of: the drives' torque limit, of a planar base their largest speed."""
-        return float(self.scales["command" if self.robot.planar else "torque"].mean())
+    def drive_limits(self) -> np.ndarray:
+        """(A,) what a disturbance of each drive is a share of: its torque limit, in a planar base its largest speed."""
+        return self.scales["command" if self.robot.planar else "torque"]
 
     def scale(self, term: Term, parameter: EffectParameter) -> float:
         """What one medium size of this parameter is, in its unit.

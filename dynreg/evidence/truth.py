@@ -19,7 +19,7 @@ from dynreg.rng import stream
 from dynreg.sim.effects import Term, Terms
 from dynreg.sim.engines import Case
 from dynreg.sim.excitation import excitation
-from dynreg.sim.real import DISTURBANCE, disturbance, disturbed, finer, sensed
+from dynreg.sim.real import disturbance, disturbed, finer, sensed
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
@@ -214,16 +214,10 @@ def measured_states(
 
     truth : the robot with the time step in which it moves; by default that of `finer`.
     """
-    truth = truth or _finer(robot)
-    active = Terms(
-        (*hidden.terms, disturbance(truth)),
-        (
-            *(v[None] for v in hidden.values),
-            np.array([[DISTURBANCE * Coordinates(robot, nominal_known(robot)).drive_limit]]),
-        ),
-    )
+    truth, limits = truth or _finer(robot), Coordinates(robot, nominal_known(robot)).drive_limits
+    active = Terms(hidden.terms, tuple(v[None] for v in hidden.values)) + disturbance(truth, limits)
     whole = replace(run, joints=None)  # the robot moves with all of its joints, whichever are looked at
-    whole = disturbed(truth, whole, stream(hidden.seed, "disturbance", robot.name))
+    whole = disturbed(whole, limits, stream(hidden.seed, "disturbance", robot.name))
     (states,) = yield from ask(Ask(truth, Case(hidden.parameters[None], whole, active), engine))
     return sensed(robot, states, stream(hidden.seed, "sensors", robot.name))
 

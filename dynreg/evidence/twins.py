@@ -27,7 +27,7 @@ def twins(robot: Robot, windows: Windows, values: np.ndarray, seed: int) -> Sear
     Each has noise of its own, drawn from `seed` and its number. They start where the recording does, up to the noise of
     the start states, and have the motor noise of their parameters.
     """
-    rows = standing(robot, windows.run.actions, windows.measured, windows.run.before)
+    rows = standing(robot, windows.run.actions, windows.measured, windows.run.rolling)
     truth = robot.stepped(FINER)
     starts = robot.sensor_noise / np.sqrt(rows)[:, None]
 

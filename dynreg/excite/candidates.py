@@ -8,6 +8,7 @@ import numpy as np
 from dynreg.excite.limits import Limits, Span
 from dynreg.rng import stream
 from dynreg.sim.excitation import KINDS, targets
+from dynreg.sim.ports import nominal_ports
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
@@ -57,7 +58,7 @@ def pool(robot: Robot, limits: Limits, joints: tuple[str, ...], steps: int, seed
     """Candidates of `steps` commands that move `joints` (all where none is named), at nominal settings.
 
     Slow triangles, reversals, chirps, steps and holds, small ones of targets also away from the reset pose; the random
-    kinds of the usual excitation; a hold that the drives of targets leave, where they can be switched off.
+    kinds of the usual excitation; a hold that the drives of targets leave, where they can be switched off alone.
     """
     rate = robot.rate
     moving = np.isin(np.arange(len(robot.joints)), robot.drives_of(joints))
@@ -68,10 +69,16 @@ def pool(robot: Robot, limits: Limits, joints: tuple[str, ...], steps: int, seed
         actions.append(span.commands(offsets, limits, 1.0 / rate))
     inputs = np.tile(robot.input_defaults, (len(names), steps, 1))
     dropping = [i for i, name in enumerate(names) if name.startswith("drop")]
-    inputs[dropping, steps // 2 :, len(robot.file.inputs) :] = 0.0
+    inputs[np.ix_(dropping, np.arange(steps // 2, steps), _dropped(robot, moving))] = 0.0
     nominal = np.tile([s.nominal for s in robot.file.settings], (len(names), 1))
     run = Run(np.array(actions), inputs=inputs, settings=nominal, period=1.0 / rate)
     return Pool(tuple(names), run)
+
+
+def _dropped(robot: Robot, moving: np.ndarray) -> np.ndarray:
+    """Columns of the inputs that switch off targets that move (A,), and no drive of a joint that is to hold still."""
+    enables = nominal_ports(robot, 1).enable_input
+    return np.setdiff1d(enables[moving & targets(robot) & (enables >= 0)], enables[~moving])
 
 
 def _offsets(
@@ -99,7 +106,7 @@ def _offsets(
                 f"{kind}, reach {reach:g}",
                 moving * size * reach * KINDS[kind](rng, steps, len(moving), rate),
             )
-    if any(drive.enable for drive in robot.file.drives) and (moving & held).any():
+    if len(_dropped(robot, moving)):
         for side in (-1.0, 1.0):
             for reach in RANDOM_REACHES:
                 yield f"drop from {side * reach:+g}", np.tile(moving * held * size * side * reach, (steps, 1))

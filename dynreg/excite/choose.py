@@ -45,7 +45,7 @@ class Search:
         judge = _judge(pair, both(candidates, usual))
         if not judge.usable.any():
             raise UsageError(
-                f"robot {pair.robot.name!r} falls, diverges or passes its stops in every motion that was tried",
+                f"robot {pair.robot.name!r} falls, diverges, hits or passes its stops in every motion that was tried",
                 expected="commands that the robot can follow",
                 do="lower the limits of its actions in robot.toml",
             )

@@ -92,7 +92,7 @@ def hanging_legs(
     All joints of a leg move at once, each at times of its own. Slow and wide, the weight of the links changes sides;
     fast, their inertia does, and a spring bends. The fast patterns are those in which the robot's sensors see most of a
     medium backlash and elasticity, in the joint where they see least of it, once its own parameters have made up for
-    what they can. None in which a joint is expected to pass its stops, or a simulator diverges.
+    what they can. None in which a joint is expected to pass its stops or to hit them, or a simulator diverges.
     legs : of `legs_of`, or ("all",). seconds : of each leg's commands.
     Raises UsageError for a leg that the robot has not, a robot without legs, drives or effects to look for, commands
     that come too seldom, or a leg that cannot follow enough of them; RobotError where its model cannot be put on a
@@ -158,7 +158,7 @@ def _hanging(
     )
     if len(slow) < TESTS or len(fast) < each:
         raise UsageError(
-            f"leg {leg!r} of robot {robot.name!r} passes its stops, or diverges, in {(~usable).sum()} of the"
+            f"leg {leg!r} of robot {robot.name!r} hits or passes its stops, or diverges, in {(~usable).sum()} of the"
             f" {len(usable)} patterns that were tried",
             expected=f"{TESTS} slow and {each} fast ones that it can follow",
             do="narrow the limits of its actions in robot.toml, or ask for fewer seconds",
@@ -219,7 +219,7 @@ def _expected(
         size = np.array([[c.scale(term, p) for p in term.effect.parameters]])
         made.append(rollout(robot, values[:1], run, threads=threads, terms=Terms((term,), (size,))))
     states, fell = (np.concatenate([getattr(one, k) for one in made]) for k in ("states", "fell"))
-    usable, reached = reached_by(robot, states, fell)
+    usable, reached = reached_by(robot, states, fell, run.period)
     use = [robot.channels.index(f"{j}/position") for j in joints if f"{j}/position" in robot.channels]
     seen = states[:, usable][..., use] / np.maximum(robot.sensor_noise[use], 1e-12)
     slopes, moved = (seen[1 : len(steps)] - seen[0]) / STEP, seen[len(steps) :]  # (P', E, T+1, C), (N, ...)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.data.names import parts_of
+from dynreg.data.names import parts_of, quantity_of
 from dynreg.errors import RobotError
 from dynreg.sim.excitation import command_limits, command_range, outside_limits, reset_pose, targets
 from dynreg.sim.ports import Ports, nominal_ports
@@ -14,7 +14,10 @@ from dynreg.sim.sets import is_limit
 INSIDE = 0.95  # of the room around their centre that patterns use at most
 CROWDED = 0.05  # of a range: less room on one side of the reset pose holds no half of a pattern
 BACK = 5  # in the last part of so many of an episode targets go back to the reset pose
-BEYOND = 0.02  # of its range that a joint may be expected to pass its stops
+BEYOND = 0.02  # of its range that a joint may be expected to press itself past its stops
+# Of its range a second: a joint that reaches a stop faster hits it. At this speed its whole range takes 10 s, as when a
+# hand leads it there. In none of 376 candidates for five packaged robots a joint reaches a stop at any speed.
+SLOW = 0.1
 
 
 @dataclass(frozen=True)
@@ -120,10 +123,12 @@ def followed(states: np.ndarray, fell: np.ndarray) -> np.ndarray:
     return ((fell >= states.shape[2]) & np.isfinite(states).all(axis=(2, 3))).all(axis=0)
 
 
-def reached_by(robot: Robot, states: np.ndarray, fell: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(E,) the episodes that are `followed` inside all ranges; (E, 2, S) their lowest and highest states.
+def reached_by(
+    robot: Robot, states: np.ndarray, fell: np.ndarray, period: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """(E,) the episodes that are `followed` inside all ranges, and hit no stop; (E, 2, S) their lowest, highest states.
 
-    The states are 0 where a simulator falls or diverges.
+    The states are 0 where a simulator falls or diverges. period : [s] between them.
     """
     usable = followed(states, fell)
     states = np.where(usable[None, :, None, None], states, 0.0)
@@ -133,7 +138,20 @@ def reached_by(robot: Robot, states: np.ndarray, fell: np.ndarray) -> tuple[np.n
         slack = BEYOND * (high - low) if np.isfinite(high - low) else 0.0
         least, most = reached[:, :, column].T
         usable &= (least >= low - slack) & (most <= high + slack)
+        if quantity_of(name) == "position":
+            usable &= ~_hits(states[..., column], low, high, period)
     return usable, reached
+
+
+def _hits(positions: np.ndarray, low: float, high: float, period: float) -> np.ndarray:
+    """(E,) where a joint at positions (B, E, T+1) comes to an end of its range faster than `SLOW`.
+
+    A simulated stop may hold within `BEYOND` what comes fast. The speed is that of two steps: the stop may take the
+    last one.
+    """
+    speed, most = np.diff(positions, axis=2, prepend=positions[..., :1]) / period, SLOW * (high - low)
+    up, down = (np.maximum(way[..., 1:], way[..., :-1]) > most for way in (speed, -speed))
+    return ((up & (positions[..., 1:] >= high)) | (down & (positions[..., 1:] <= low))).any(axis=(0, 2))
 
 
 def _ports(robot: Robot) -> Ports:

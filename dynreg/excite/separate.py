@@ -18,7 +18,7 @@ from dynreg.replay.samples import effective_samples
 from dynreg.rng import stream
 from dynreg.sim.effects import Term, Terms, stacked
 from dynreg.sim.engines import rollout
-from dynreg.sim.real import DISTURBANCE, LEAST_NOISE, disturbance
+from dynreg.sim.real import LEAST_NOISE, disturbance, draws
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Rollout, Run
 
@@ -80,11 +80,10 @@ class Pair:
             if members:
                 parts.append((members, Terms(hypothesis.terms, tuple(c.effect_values(hypothesis, z)))))
         if disturbed:
-            draw = stream(self.seed, "excite", self.robot.name, "disturbance")
-            noise = draw.standard_normal((run.steps, len(self.robot.actions)))
+            rng = stream(self.seed, "excite", self.robot.name, "disturbance")
+            noise = draws((run.steps,), c.drive_limits, rng)
             run = replace(run, draws=np.broadcast_to(noise, (run.episodes, *noise.shape)))
-            size = np.full((len(rows), 1), DISTURBANCE * c.drive_limit)
-            parts.append((np.arange(len(rows)), Terms((disturbance(self.robot),), (size,))))
+            parts.append((np.arange(len(rows)), disturbance(self.robot, c.drive_limits).tiled(len(rows))))
         nominal = c.values(np.array([at[:free] for _, at in rows]))
         acting = stacked(len(rows), parts)
         return rollout(self.robot, nominal, run, engine=self.engine, threads=self.threads, terms=acting)
@@ -160,7 +159,7 @@ class Judge:
     """What the episodes of a pool are expected to tell between two hypotheses, given the rivals found so far.
 
     noise, effective : (E, C), as `Rival.refit` takes them. reached : (E, 2, S) lowest and highest true states.
-    usable : (E,) where nothing fell, diverged or left its range. rivals : of each hypothesis.
+    usable : (E,) where nothing fell, diverged, left its range or hit a stop. rivals : of each hypothesis.
     """
 
     pair: Pair
@@ -173,7 +172,7 @@ class Judge:
         plain = [(-1, np.zeros(len(pair.coordinates)))]
         made = pair.simulate(plain + self.truths, self.pool.run)
         disturbed = pair.simulate(plain, self.pool.run, disturbed=True)
-        self.usable, self.reached = reached_by(robot, made.states, made.fell)
+        self.usable, self.reached = reached_by(robot, made.states, made.fell, self.pool.run.period)
         self.usable &= followed(disturbed.states, disturbed.fell)
         seen = self._seen(made)
         self._true = seen[1:]

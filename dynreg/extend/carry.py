@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from dynreg.sim.effects import Effect, Term, Terms
+from dynreg.sim.effects import Effect, Term, Terms, unit_of
+from dynreg.sim.effects.on_slides import unit_at
 from dynreg.sim.engines.acting import acting, configure_terms
 from dynreg.sim.engines.mujoco_model import assign, configure
 from dynreg.sim.fields import names_of
@@ -33,7 +34,7 @@ MOVING = (
 SAME = 1e-12  # relative: values that one parameter can set
 LEAST = 0.1  # of a factor, that stays above nothing
 SPREAD = 0.1  # tolerance of the parameters that stand for effects
-ADDED = MappingProxyType(  # what effects add to, and its unit; elsewhere they scale
+ADDED = MappingProxyType(  # what effects add to, and its unit at a hinge; elsewhere they scale
     {
         "port.friction.coulomb": "N*m",
         "port.friction.viscous": "N*m*s/rad",
@@ -123,7 +124,13 @@ def carriers(fields: Fields, term: Term, values: np.ndarray) -> tuple[Carrier, .
     if said:
         fields.apply(Terms((term,), (values[None],)))
         return tuple(
-            Carrier(base, p.unit, float(value), *sorted((0.0, 2.0 * float(value))), (said[p.name],))
+            Carrier(
+                base,
+                unit_of(fields.robot, term, p),
+                float(value),
+                *sorted((0.0, 2.0 * float(value))),
+                (said[p.name],),
+            )
             for p, value in zip(term.effect.parameters, values, strict=True)
             if value != 0.0  # there is nothing of it to range over
         )
@@ -170,13 +177,14 @@ def _carrier(
 ) -> Carrier | None:
     """One parameter for all places that change by the same value."""
     by_row: dict[tuple[str, tuple[int, ...]], list[str]] = {}
+    units = set()
     for target, place in places:
         name, index = _named(fields, target, place)
         if name is None:
             return None
         by_row.setdefault((target, index), []).append(name)
+        units.add(unit_at(fields.robot, [name], ADDED.get(target, "1")))
     sets = tuple(_entry(target, index, names, op) for (target, index), names in by_row.items())
-    units = {ADDED.get(target, "1") for target, _ in places}
     neutral = 0.0 if op == "+=" else 1.0
     ends = sorted((neutral, 2 * value - neutral))  # from none of it to twice as much
     low = max(ends[0], LEAST * value) if op == "*=" and value >= 0 else ends[0]

@@ -8,7 +8,7 @@ import numpy as np
 
 from dynreg.data.units import suffix
 from dynreg.extend.carry import Carrier, carries
-from dynreg.sim.effects import Term
+from dynreg.sim.effects import Term, unit_of
 from dynreg.sim.ports import Ports, servo_law
 from dynreg.sim.robot import Robot
 from dynreg.sim.sets import is_limit
@@ -48,7 +48,7 @@ def readme(robot: Robot, ports: Ports, identity: str, effects: Sequence[Written]
     if effects:
         plain = plain_name(robot)
         lines += ["## Effects", "", f"| effect | values | robot.toml | {plain} |", "|---|---|---|---|"]
-        lines += [_row(one) for one in effects]
+        lines += [_row(one, robot) for one in effects]
         lines += ["", "Their parameters in `robot.toml` range from none of the effect to twice as much."]
     missing = [one for one in effects if not one.parameters or not (one.in_mjcf or problem)]
     if missing:
@@ -108,9 +108,9 @@ def _unsaid(robot: Robot, ports: Ports) -> list[str]:
     return out
 
 
-def _row(one: Written) -> str:
+def _row(one: Written, robot: Robot) -> str:
     values = ", ".join(
-        f"{p.name} = {_number(v, p.unit)}"
+        f"{p.name} = {_number(v, unit_of(robot, one.term, p))}"
         for p, v in zip(one.term.effect.parameters, one.values, strict=True)
     )
     parameters = ", ".join(f"`{c.name}`" for c in one.parameters) or "no"

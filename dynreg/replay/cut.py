@@ -1,6 +1,7 @@
 """A recording cut into windows of equal length, each from a measured state."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from dynreg.sim.run import Run
 
 LONGEST = 10.0  # s of a rollout if the robot states no horizon; the packaged robots state 1.7 to 2.5 s
 BEFORE = 3.0  # s of commands before a window: longer than bases remember
+LATE = 0.5  # s of them where no base remembers: longer than the longest delay of the library
 ENOUGH = 4  # poses that tell a velocity better than commands do
 Cut = tuple[int, int, int]  # episode, first row, one past the last row
 
@@ -64,12 +66,12 @@ def windows(robot: Robot, recording: Recording, rest: bool = False, horizon: flo
         actions,
         inputs=inputs,
         settings=rows.settings[numbers],
-        initial=starts(robot, actions, measured, before),
         velocity=velocity,
         before=before,
         period=rows.period,
         begin=np.array([rows.begin[n] + rows.time[n][first] - rows.time[n][0] for n, first, _ in cuts]),
     )
+    run = replace(run, initial=starts(robot, actions, measured, run.rolling))
     spread, weight = scales(robot, measured)
     return Windows(run, measured, spread, weight, numbers, spans, run.period)
 
@@ -108,24 +110,27 @@ def _filled(robot: Robot, rows: Rows, cuts: list[Cut]) -> tuple[np.ndarray, np.n
 
 
 def _come_from(robot: Robot, rows: Rows, cuts: list[Cut]) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """Velocities (W, 2) of a planar base at the first row of each window, and what it was told before (W, L, A).
+    """Velocities (W, 2) of a planar base at the first row of each window, None of all else; and what robots were told
+    before (W, L, A), NaN before an episode, None where every window begins one.
 
-    From the poses around that row, those before it included. NaN where they are too rare: there commands say more. So
-    they do where control is timed and another command begins, for poses may stand there alone; and such an episode
-    starts from standstill, unless several poses show otherwise.
+    Velocities are those of the poses around that row, those before it included. NaN where they are too rare: there
+    commands say more. So they do where control is timed and another command begins, for poses may stand there alone;
+    and such an episode starts from standstill, unless several poses show otherwise.
     """
-    if pose_columns(robot) is None:
-        return None, None
+    posed = pose_columns(robot) is not None
     told = [held(actions, np.zeros(len(robot.actions))) for actions in rows.actions]
     timed, reach = robot.file.robot.control == "timed", max(round(SPAN / rows.period), 1)
     velocity = np.empty((len(cuts), 2))
-    before = np.zeros((len(cuts), max(round(BEFORE / rows.period), 1), len(robot.actions)))
+    most = max(round((BEFORE if posed else LATE) / rows.period), 1)
+    before = np.full((len(cuts), most, len(robot.actions)), np.nan)
     for w, (number, start, _) in enumerate(cuts):
+        some = told[number][max(start - most, 0) : start]
+        before[w, most - len(some) :] = some
+        if not posed:
+            continue
         states, near = rows.states[number], told[number][max(start - reach, 0) : start + reach]
         velocity[w] = base_velocities(robot, states, np.array([start]), rows.period)[0]
-        some = told[number][max(start - before.shape[1], 0) : start]
-        before[w, before.shape[1] - len(some) :] = some
         few = np.isfinite(states[start : start + reach + 1]).all(axis=1).sum() < ENOUGH
         if timed and ((near != near[0]).any() or (start < reach and few)):
             velocity[w] = np.nan
-    return velocity, before if np.isnan(velocity).any() else None
+    return velocity if posed else None, before if np.isfinite(before).any() else None

@@ -25,7 +25,7 @@ from dynreg.sim.run import Run, Walk
 from dynreg.sim.sets import is_limit
 
 FINER = 10  # physics steps of the truth for one of the model
-DISTURBANCE = 0.005  # of the torque limit, 1 sigma, drawn anew for every command
+DISTURBANCE = 0.005  # of each drive's own limit, 1 sigma, drawn anew for every command
 COUNTS = 4096  # a turn, of encoders that state no quantum
 LEAST_NOISE = 0.0005  # rad or m, of positions that state neither noise nor quantum
 
@@ -159,26 +159,36 @@ class RealRobot(Door):
 _DISTURBANCE, _UNSTEADINESS = Term(Disturbance()), Term(Unsteadiness())
 
 
-def disturbance(robot: Robot) -> Term:
-    """Noise, by `Run.draws`, on what the robot's drives give: torques, of a planar base speeds."""
-    return _UNSTEADINESS if robot.planar else _DISTURBANCE
+def disturbance(robot: Robot, limits: np.ndarray) -> Terms:
+    """Noise, by the draws of `disturbed`, on what the drives of one simulator give: of each a share of its own limit.
+
+    On torques, of a planar base on speeds. limits : (A,) of the drives, as `drive_limits` or `Coordinates` have them.
+    """
+    own = _UNSTEADINESS if robot.planar else _DISTURBANCE
+    return Terms((own,), (np.array([[DISTURBANCE * limits.mean()]]),))
 
 
-def largest_drive(robot: Robot) -> float:
-    """What a disturbance is a share of: the mean torque limit [N m], of a planar base the mean largest speed [m/s].
+def disturbed(run: Run, limits: np.ndarray, rng: np.random.Generator) -> Run:
+    """The run with draws of its own for every episode; `limits` as in `disturbance`."""
+    return replace(run, draws=draws((run.episodes, run.steps), limits, rng))
 
-    Drives that state no limit do not count; 0 where none states one.
+
+def draws(shape: tuple[int, ...], limits: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """(*shape, A) draws of a disturbance: it has one size for all drives, and so each draw its drive's limit over their
+    mean."""
+    mean = limits.mean()
+    return rng.standard_normal((*shape, len(limits))) * (limits / mean if mean > 0 else 1.0)
+
+
+def drive_limits(robot: Robot) -> np.ndarray:
+    """(A,) what a disturbance of each drive is a share of: its torque limit, in a planar base its largest speed.
+
+    In the unit of what it gives. 0 for a drive that states no limit.
     """
     if robot.planar:
-        return float(largest_speeds(robot).mean())
+        return largest_speeds(robot)
     limit = servo_law(nominal_ports(robot, 1), robot.input_defaults[None]).limit[0]
-    stated = limit[is_limit(limit)]
-    return float(stated.mean()) if len(stated) else 0.0
-
-
-def disturbed(robot: Robot, run: Run, rng: np.random.Generator) -> Run:
-    """The run with draws of its own for every episode."""
-    return replace(run, draws=rng.standard_normal((run.episodes, run.steps, len(robot.actions))))
+    return np.where(is_limit(limit), limit, 0.0)
 
 
 def finer(robot: Robot) -> Robot:
@@ -236,13 +246,10 @@ class SimulatedRobot(RealRobot):
     def play(self, actions: np.ndarray, rate: float, name: str) -> RealTrial:
         number = self.spent.trials
         truth, secret = finer(self.robot), self.secret(number)
-        rng = stream(self.seed, "real robot", self.robot.name, number)
+        rng, limits = stream(self.seed, "real robot", self.robot.name, number), drive_limits(self.robot)
         noise = rng.standard_normal((1, 1, *actions.shape))
-        run = disturbed(truth, Run(actions[None], period=1.0 / rate, noise=noise), rng)
-        active = Terms(
-            (*secret.terms, disturbance(truth)),
-            (*(v[None] for v in secret.values), np.array([[DISTURBANCE * largest_drive(self.robot)]])),
-        )
+        run = disturbed(Run(actions[None], period=1.0 / rate, noise=noise), limits, rng)
+        active = Terms(secret.terms, tuple(v[None] for v in secret.values)) + disturbance(truth, limits)
         if not self.robot.floating:
             told = {"terms": active, "threads": self.threads}
             states = rollout(truth, secret.parameters[None], run, **told).states[0, 0]

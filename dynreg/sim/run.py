@@ -20,8 +20,8 @@ class Run:
     initial : (E, S) state to start from, NaN where it is not known; None starts from the robot's reset pose.
     velocity : (E, 2) speed [m/s] and yaw rate [rad/s] that planar bases start with where no channel of `initial` tells
         them; NaN or None for a start at rest, or from what was told `before`.
-    before : (E, L, A) commands of the rows before the first, from standstill; planar bases start with the velocity that
-        their own lags make of them. None for none.
+    before : (E, L, A) commands of the rows before the first, NaN where they are not known; None for none. Delays look
+        back at them, and planar bases start with the velocity that their own lags make of them, from standstill.
     period : seconds between commands; None takes each simulator's own command rate.
     noise : (E, T, A), or (B, E, T, A) as the actions: standard normal draws for the motor noise; None runs without it.
     draws : in the same shapes, what effects read as `Moment.draw`: what disturbs hidden robots; None for 0.
@@ -61,6 +61,13 @@ class Run:
     def steps(self) -> int:
         """T, commands in an episode."""
         return self.actions.shape[-2]
+
+    @property
+    def rolling(self) -> np.ndarray | None:
+        """(E, L, A) what planar bases were told `before` of whose velocity at the start nothing else tells; else 0."""
+        if self.before is None or self.velocity is None:
+            return None
+        return np.where(np.isnan(self.velocity).any(axis=1)[:, None, None], np.nan_to_num(self.before), 0.0)
 
     def take(self, episodes: np.ndarray) -> "Run":
         """Only these episodes (indexes)."""

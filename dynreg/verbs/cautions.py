@@ -8,6 +8,7 @@ from dynreg.data.names import joint_of, quantity_of
 from dynreg.excite.limits import Limits, crowded, joint_range
 from dynreg.excite.playing import closed
 from dynreg.sim.excitation import command_range, reset_pose, targets
+from dynreg.sim.ports import nominal_ports
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
@@ -33,7 +34,7 @@ def largest_steps(robot: Robot, run: Run) -> np.ndarray:
 
 
 def cautions(robot: Robot, limits: Limits, run: Run, reached: np.ndarray) -> Iterator[str]:
-    """Sentences about what no limit bounds: commands, their steps, and how far joints and bases go.
+    """Sentences about what no limit bounds: commands, their steps, drives that let go, how far joints and bases go.
 
     reached : (E, 2, S) lowest and highest states to expect.
     """
@@ -48,7 +49,22 @@ def cautions(robot: Robot, limits: Limits, run: Run, reached: np.ndarray) -> Ite
     for a in np.flatnonzero(moved & crowded(robot)):
         where = f"{middle[a]:.3g} {tables[a].unit}, the middle of its range"
         yield f"the patterns of {tables[a].name} go about {where}, because it rests near an end"
+    yield from _dropped(robot, run)
     yield from _travel(robot, reached)
+
+
+def _dropped(robot: Robot, run: Run) -> Iterator[str]:
+    """Which drives are switched off in which episodes."""
+    enables = nominal_ports(robot, 1).enable_input
+    off = None if run.inputs is None else (run.inputs == 0.0).any(axis=1)  # (E, I)
+    for enable in np.unique(enables[enables >= 0]) if off is not None else ():
+        if off[:, enable].any():
+            joints = dict.fromkeys(robot.joints[a] for a in np.flatnonzero(enables == enable))
+            episodes = ", ".join(map(str, np.flatnonzero(off[:, enable])))
+            yield (
+                f"the drives of {', '.join(joints)} are switched off halfway through {episodes}: keep clear of what"
+                " swings and falls then"
+            )
 
 
 def _fast(robot: Robot, free: np.ndarray, steps: np.ndarray) -> Iterator[str]:

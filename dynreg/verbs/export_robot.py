@@ -8,6 +8,8 @@ from dynreg.extend.folder_readme import Written, plain_name
 from dynreg.extend.robot_folder import export_robot
 from dynreg.registry import Registry
 from dynreg.results.robots import CarriedEffect, RobotFolder
+from dynreg.sim.effects import unit_of
+from dynreg.sim.robot import Robot
 from dynreg.verbs.in_mujoco import in_mujoco
 from dynreg.verbs.simulator import NOMINAL, Simulator
 from dynreg.verbs.simulators import named
@@ -30,7 +32,7 @@ def export_simulator(registry: Registry, ref: str, destination: Path) -> RobotFo
         simulator=found.id,
         folder=str(destination),
         name=made.robot.name,
-        effects=tuple(_told(one) for one in made.effects),
+        effects=tuple(_told(one, found.robot) for one in made.effects),
         mjcf=str(plain) if made.problem is None else None,
         note=made.problem or "",
         model=str(model),
@@ -68,12 +70,12 @@ def _them(keys: Sequence[str]) -> str:
     return "it" if len(keys) == 1 else "them"
 
 
-def _told(one: Written) -> CarriedEffect:
+def _told(one: Written, robot: Robot) -> CarriedEffect:
     parameters = one.term.effect.parameters
     return CarriedEffect(
         effect=one.term.key,
         values={p.name: float(value) for p, value in zip(parameters, one.values, strict=True)},
-        units={p.name: p.unit for p in parameters},
+        units={p.name: unit_of(robot, one.term, p) for p in parameters},
         parameters=tuple(carrier.name for carrier in one.parameters),
         mjcf=one.in_mjcf,
     )

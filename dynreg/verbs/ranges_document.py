@@ -6,7 +6,7 @@ import numpy as np
 
 from dynreg.data.units import suffix
 from dynreg.errors import UsageError, command
-from dynreg.evidence.estimate import free_quantities, unit_of
+from dynreg.evidence.estimate import free_quantities
 from dynreg.evidence.gaussian import Gaussian, coordinates
 from dynreg.evidence.hypothesis import Coordinates, Hypothesis
 from dynreg.evidence.interval import NORMAL_90
@@ -17,7 +17,7 @@ from dynreg.results.diagnosis import Diagnosis
 from dynreg.results.neighbours import Neighbours
 from dynreg.results.result import Interval
 from dynreg.sim.config import terms_of
-from dynreg.sim.effects import Terms
+from dynreg.sim.effects import Terms, unit_of
 from dynreg.sim.robot import Robot
 from dynreg.sim.space import Parameter
 from dynreg.verbs.posteriors import posterior_of

@@ -1,15 +1,28 @@
 """Candidate commands: within the limits, from the reset pose, the same again, moving what they should."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from changed_robot import changed
 
 from dynreg.excite.candidates import both, pool
-from dynreg.excite.limits import Limits, joint_range
+from dynreg.excite.limits import BEYOND, Limits, joint_range, reached_by
+from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import reset_pose
 from dynreg.sim.robot import load_robot
+from dynreg.sim.run import Run
 
 ROBOTS = ("servo_pendulum", "leg", "quadruped", "so101", "simple_pendulum", "emps")
 STEPS = 60
+KNEE = """[[drives]]
+joint = "knee"
+type = "position"
+gain = 40.0
+enable = "knee/enabled"
+
+"""
+HINGE = '<joint name="pivot" type="hinge"'
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -66,6 +79,32 @@ def test_drives_are_switched_off_only_where_a_candidate_drops() -> None:
     for name, on in zip(made.names, enabled, strict=True):
         assert (on[: STEPS // 2] == 1.0).all()
         assert (on[STEPS // 2 :] == (0.0 if name.startswith("drop") else 1.0)).all()
+
+
+def test_only_drives_of_joints_that_move_are_switched_off(tmp_path: Path) -> None:
+    """The leg's drives have one switch: dropped with its knee, the hip would fall, too."""
+    for name, robot in (
+        ("one", load_robot("leg")),
+        ("own", changed(tmp_path / "own", "leg", {"[[drives]]\n": f"{KNEE}[[drives]]\n"})),
+    ):
+        made = pool(robot, Limits.of(robot), ("knee",), STEPS, 0)
+        off = [(one == 0.0).any(axis=0) for one in made.run.inputs]
+        drops = [one for one in made.names if one.startswith("drop")]
+        assert bool(drops) == (name == "own") and sum(one.any() for one in off) == len(drops)
+        for one in off:
+            assert not one[[i for i, given in enumerate(robot.inputs) if given != "knee/enabled"]].any()
+
+
+def test_a_joint_that_runs_into_its_stop_is_not_followed(tmp_path: Path) -> None:
+    """The stop holds it within a fiftieth of its range, whether it comes fast or slowly."""
+    robot = changed(tmp_path / "arm", "simple_pendulum", {}, {HINGE: f'{HINGE} range="-30 30"'})
+    period, steps = 1.0 / robot.rate, round(12.0 * robot.rate)
+    hard, soft = np.full((1, steps, 1), 2.0), np.linspace(0.0, 1.8, steps)[None, :, None]
+    for told, usable in ((hard, False), (soft, True)):
+        made = rollout(robot, robot.space.nominal[None], Run(told, period=period))
+        found, reached = reached_by(robot, made.states, made.fell, period)
+        low, high = joint_range(robot, robot.channels[0])
+        assert high < reached[0, 1, 0] < high + BEYOND * (high - low) and found == [usable]
 
 
 def test_settings_are_crossed_and_pools_joined() -> None:

@@ -21,6 +21,7 @@ from dynreg.sim.inspection import check_robot
 from dynreg.sim.lint import doubts
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
+from dynreg.verbs.export_robot import _told
 
 EXACT = 1e-12  # of rollouts of the folder and of the simulator
 DIGITS = 1e-5  # an MJCF file has six digits
@@ -114,6 +115,25 @@ def test_an_effect_of_one_joint_is_carried_for_that_joint(tmp_path: Path) -> Non
     run = bank(robot, 15)
     again = rollout(exported.robot, exported.robot.space.nominal[None], run).states[0]
     np.testing.assert_allclose(again, states(robot, made, run), rtol=EXACT, atol=EXACT)
+
+
+def test_units_on_a_slide_are_those_of_forces_and_metres(tmp_path: Path) -> None:
+    made = config(load_robot("emps"), "coulomb_friction", "encoder_offset", "inertia")
+    exported = export_robot(load_robot("emps"), made, tmp_path / "taken")
+    units = {p.name: p.unit for p in exported.robot.file.parameters if p.name.startswith("effect_")}
+    assert units == {
+        "effect_coulomb_friction": "N",
+        "effect_encoder_offset": "m",
+        "effect_inertia": "kg",
+    }
+    told = (tmp_path / "taken" / "README.md").read_text()
+    (row,) = [line for line in told.splitlines() if line.startswith("| coulomb_friction")]
+    assert " N |" in row and "N*m" not in told and "rad" not in row
+    assert {tuple(_told(one, load_robot("emps")).units.values()) for one in exported.effects} == {
+        ("N",),
+        ("m",),
+        ("kg",),
+    }
 
 
 def test_nominal_values_are_the_simulators_and_effects_can_vary(tmp_path: Path) -> None:

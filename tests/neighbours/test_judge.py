@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import secret_servo
 
-import dynreg.evidence.truth as truth
+import dynreg.sim.real as real
 from dynreg.data.recording import Recording
 from dynreg.evidence.truth import hide, log_of, protocol
 from dynreg.neighbours.judge import LEAST, SURE, Judgement, _limit
@@ -63,7 +63,7 @@ def test_a_servo_with_disturbed_drives_and_noise_raises_none(servos, seed):
 
 def test_what_the_robot_does_not_repeat_raises_no_alarm(servos, monkeypatch):
     """Drives four times as unsteady as those of twins: known where commands come twice, else a cause."""
-    monkeypatch.setattr(truth, "DISTURBANCE", 4 * truth.DISTURBANCE)
+    monkeypatch.setattr(real, "DISTURBANCE", 4 * real.DISTURBANCE)
     recording = log(3, seconds=40.0)
     monkeypatch.undo()
     answer = servos.query(servos.ingest(recording, "servo_pendulum"))

@@ -6,10 +6,24 @@ import numpy as np
 import pytest
 
 from dynreg.errors import BudgetError, UsageError
+from dynreg.evidence.hypothesis import Coordinates
+from dynreg.replay.known import nominal_known
+from dynreg.rng import stream
 from dynreg.sim.effects import Terms, term
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
-from dynreg.sim.real import Budget, Secret, SimulatedRobot, Spent, finer, sensed
+from dynreg.sim.real import (
+    DISTURBANCE,
+    Budget,
+    Secret,
+    SimulatedRobot,
+    Spent,
+    disturbance,
+    disturbed,
+    drive_limits,
+    finer,
+    sensed,
+)
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
 from dynreg.sim.spec import RobotTable
@@ -142,3 +156,24 @@ def test_a_robot_that_wears_is_another_from_a_trial_on() -> None:
     same, worn = logs(), logs(changes={2: Secret(heavy)})
     assert all(np.array_equal(a, b) for a, b in zip(same[:2], worn[:2], strict=True))
     assert all(np.abs(a - b).max() > 0.01 for a, b in zip(same[2:], worn[2:], strict=True))
+
+
+@pytest.mark.parametrize("name", ["two_joint_arm", "create"])
+def test_each_drive_is_disturbed_by_a_share_of_its_own_limit(name: str) -> None:
+    """Drives of 12 and 6 N m; a base that is told m/s and rad/s."""
+    robot = load_robot(name)
+    limits = Coordinates(robot, nominal_known(robot)).drive_limits
+    assert limits[0] != limits[1] and (limits == drive_limits(robot)).all()
+    run = disturbed(Run(np.zeros((2, 5000, 2))), limits, stream(0, "disturbed"))
+    ((size,),) = disturbance(robot, limits).values[0]
+    assert size * run.draws.std(axis=(0, 1)) == pytest.approx(DISTURBANCE * limits, rel=0.05)
+
+
+def test_drives_that_are_alike_have_plain_draws_and_those_without_a_limit_none() -> None:
+    alike, one = (
+        disturbed(Run(np.zeros((1, 9, 4))), of, stream(1)).draws for of in (np.ones(4), np.eye(4)[0])
+    )
+    plain = stream(1).standard_normal((1, 9, 4))
+    np.testing.assert_array_equal(alike, plain)
+    np.testing.assert_array_equal(one, plain * [4.0, 0.0, 0.0, 0.0])
+    assert disturbance(ROBOT, np.zeros(12)).values[0] == 0.0

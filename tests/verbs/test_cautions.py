@@ -22,8 +22,17 @@ def told(robot: Robot, reached: tuple[float, float] = (-0.5, 1.25)) -> str:
 
 
 def test_a_robot_with_all_its_limits_needs_none() -> None:
-    for name in ("servo_pendulum", "leg", "so101"):
-        assert told(load_robot(name)) == ""
+    assert told(load_robot("so101")) == ""
+
+
+def test_drives_that_are_switched_off_are_named() -> None:
+    robot = load_robot("leg")
+    drops = [i for i, name in enumerate(pool(robot, Limits.of(robot), (), STEPS, 0).names) if "drop" in name]
+    where = ", ".join(map(str, drops))
+    assert told(robot) == (
+        f"the drives of hip_roll, hip_pitch, knee are switched off halfway through {where}: keep clear of what swings"
+        " and falls then"
+    )
 
 
 def test_a_carriage_without_stops_is_told_how_far_it_goes() -> None:

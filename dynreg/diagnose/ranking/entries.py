@@ -75,7 +75,8 @@ def _said(
     if not bare.all():
         out[~bare] = yield from model.states([p for p, b in zip(points, bare, strict=True) if not b], run)
     if bare.any():
-        rng, noise = stream(seed, "group", group), disturbance(model.robot)
+        rng, limits = stream(seed, "group", group), model.coordinates.drive_limits
+        (noise,) = disturbance(model.robot, limits).terms
         if run.initial is not None:
             off = robot.sensor_noise * rng.standard_normal(run.initial.shape)
             run = replace(run, initial=run.initial + off)
@@ -84,7 +85,7 @@ def _said(
             for p, b in zip(points, bare, strict=True)
             if b
         ]
-        moved = yield from model.states(unsteady, disturbed(model.robot, run, rng))
+        moved = yield from model.states(unsteady, disturbed(run, limits, rng))
         own = [n for n, b in zip(numbers, bare, strict=True) if b]
         out[bare] = [sensed(robot, s, stream(seed, "sensors", i)) for i, s in zip(own, moved, strict=True)]
     return out

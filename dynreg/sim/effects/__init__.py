@@ -17,6 +17,7 @@ from dynreg.sim.effects.effect import (
     Values,
     one_group,
     stacked,
+    unit_of,
 )
 from dynreg.sim.robot import Robot
 from dynreg.sim.sizes import SIZES
@@ -135,4 +136,5 @@ __all__ = [
     "placed",
     "stacked",
     "term",
+    "unit_of",
 ]

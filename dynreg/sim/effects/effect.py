@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from dynreg.sim.effects.on_slides import ON_SLIDES, slides_of, unit_at
 from dynreg.sim.ports import Ports, slice_of
 from dynreg.sim.robot import Robot
 
@@ -93,7 +94,7 @@ class Moment:
 
     @property
     def draw(self) -> np.ndarray:
-        """(rows, joints) standard normal, one for each command; 0 where the run has none."""
+        """(rows, joints) random numbers, one for each command; 0 where the run has none."""
         return self.drawn()
 
 
@@ -190,9 +191,17 @@ class Effect:
         return self.scope == "joint"
 
     def places(self, robot: Robot) -> tuple[tuple[str, ...], ...]:
-        """Where it is looked for: () for all joints, or for the place that it takes for granted."""
-        single = self.alone(robot) and len(robot.driven) > 1
-        return ((), *((joint,) for joint in robot.driven)) if single else ((),)
+        """Where it is looked for: () for all joints, or for the place that it takes for granted.
+
+        Of a robot with hinges and slides all of either, where a size is another quantity on these.
+        """
+        if not self.alone(robot) or len(robot.driven) == 1:
+            return ((),)
+        slides = slides_of(robot)
+        kinds = tuple(j for j in robot.driven if j not in slides), slides
+        apart = all(kinds) and any(p.unit in ON_SLIDES for p in self.parameters)
+        every = tuple(joints for joints in kinds if len(joints) > 1) if apart else ((),)
+        return (*every, *((joint,) for joint in robot.driven))
 
     def misplaced(self, robot: Robot, at: tuple[str, ...]) -> tuple[str, str] | None:
         """What is wrong with a place, and what is expected; None where the effect can act there."""
@@ -293,6 +302,10 @@ class Terms:
     terms: tuple[Term, ...] = ()
     values: tuple[np.ndarray, ...] = ()
 
+    def __add__(self, other: "Terms") -> "Terms":
+        """Those of the same simulators, and others that they have besides."""
+        return Terms((*self.terms, *other.terms), (*self.values, *other.values))
+
     def tiled(self, times: int) -> "Terms":
         """Those of the same B simulators, so many times one after the other."""
         return Terms(self.terms, tuple(np.tile(v, (times, 1)) for v in self.values))
@@ -310,6 +323,20 @@ class Terms:
         values = self.values[number][rows]
         names = [p.name for p in self.terms[number].effect.parameters]
         return MappingProxyType({name: values[:, i, None].copy() for i, name in enumerate(names)})
+
+
+def unit_of(robot: Robot, term: Term, parameter: EffectParameter) -> str:
+    """The unit of an effect's parameter where it acts: on slides, forces and metres instead of torques and angles.
+
+    A drive that is told a speed has commands in the unit of its action; where those of a base differ (speed and yaw
+    rate), one number is of each in its own: "m/s or rad/s".
+    """
+    if robot.planar and parameter.per == "command":
+        told = dict.fromkeys(action.unit for action in robot.file.actions)
+        return " or ".join(unit if parameter.unit == "rad" else unit.replace("/s", "/s^2") for unit in told)
+    if term.effect.scope != "joint" or robot.planar:
+        return parameter.unit
+    return unit_at(robot, term.joints or robot.driven, parameter.unit)
 
 
 def stacked(count: int, groups: Iterable[tuple[Sequence[int], Terms]]) -> Terms | None:

@@ -1,10 +1,10 @@
 """Effects of sensors: the log is not what the robot did."""
 
-import mujoco
 import numpy as np
 
 from dynreg.data.names import quantity_of
 from dynreg.sim.effects.effect import DEGREE, Effect, EffectParameter, Moment, OfAnyDrive, Site, Values
+from dynreg.sim.effects.on_slides import slides_of
 from dynreg.sim.robot import Robot
 
 
@@ -64,11 +64,18 @@ class EncoderEccentricity(Effect):
     separate_by = "slow sweeps of the whole turn, and an angle measured by hand at each quarter"
 
     def why_not(self, robot: Robot) -> str | None:
-        model = robot.model
-        slides = [
-            j for j in robot.driven if model.njnt and model.joint(j).type[0] != mujoco.mjtJoint.mjJNT_HINGE
-        ]
-        return f"a disc turns, and {slides[0]!r} slides" if slides else super().why_not(robot)
+        slides = slides_of(robot)
+        only = slides and len(slides) == len(robot.driven)
+        return f"a disc turns, and {slides[0]!r} slides" if only else super().why_not(robot)
+
+    def places(self, robot: Robot) -> tuple[tuple[str, ...], ...]:
+        return tuple(at for at in super().places(robot) if self.misplaced(robot, at) is None)
+
+    def misplaced(self, robot: Robot, at: tuple[str, ...]) -> tuple[str, str] | None:
+        slides = [joint for joint in slides_of(robot) if not at or joint in at]
+        hinges = sorted({*robot.driven} - {*slides_of(robot)})
+        told = (f"a disc turns, and {slides[0]!r} slides", f"joints out of {hinges}") if slides else None
+        return told or super().misplaced(robot, at)
 
     def encoder(self, x: Moment, p: Values) -> tuple[np.ndarray, np.ndarray]:
         sine, cosine = np.sin(x.q), np.cos(x.q)

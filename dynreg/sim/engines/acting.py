@@ -162,8 +162,8 @@ def on(active: list[Acting], port: str) -> list[Acting]:
 class Clock:
     """Where a rollout is: command step, substep, and the commands so far; for delays and drifts.
 
-    commands : (n, T, A), draws : as many, None for 0. period, h : (n,) [s]. begin : (n,) [s] from the log's start to
-    the episode's.
+    commands : (n, T, A), draws : as many, None for 0. before : (n, L, A) those told before, NaN where they are not
+    known. period, h : (n,) [s]. begin : (n,) [s] from the log's start to the episode's.
     substeps : (n,) time steps of each simulation in one command.
     """
 
@@ -172,6 +172,7 @@ class Clock:
     h: np.ndarray
     begin: np.ndarray
     draws: np.ndarray | None = None
+    before: np.ndarray | None = None
     step: int = 0
     substep: int = 0
 
@@ -208,10 +209,19 @@ class Clock:
     def past(self, a: Acting, delay: np.ndarray) -> np.ndarray:
         """What `Moment.past` answers for one term."""
         rows = np.arange(len(self.commands))[a.rows]
-        period, h = self.period[a.rows, None], self.h[a.rows, None]
-        late, early, share = shares(self.step, self.substep, period, h, delay)
-        now, before = (self.commands[rows[:, None], command, a.joints] for command in (late, early))
+        period, h, first = self.period[a.rows, None], self.h[a.rows, None], self._first[a.rows, None]
+        late, early, share = shares(self.step, self.substep, period, h, delay, first)
+        told = self.commands if self.before is None else self._told
+        now, before = (told[rows[:, None], command, a.joints] for command in (late, early))
         return share * now + (1.0 - share) * before
+
+    @cached_property
+    def _first(self) -> np.ndarray:
+        return first_known(self.before, len(self.period))
+
+    @cached_property
+    def _told(self) -> np.ndarray:
+        return np.concatenate([self.commands, self.before], axis=1)
 
 
 def begun(begin: Any, step: Any, substep: Any, period: Any, h: Any) -> Any:
@@ -219,13 +229,27 @@ def begun(begin: Any, step: Any, substep: Any, period: Any, h: Any) -> Any:
     return begin + (step * period + substep * h)
 
 
-def shares(step: Any, substep: Any, period: Any, h: Any, delay: Any) -> tuple[Any, Any, Any]:
-    """Numbers of the two commands that act, `delay` [s] late, in a time step, and the share of the first of them."""
+def first_known(before: np.ndarray | None, simulations: int) -> np.ndarray:
+    """(n,) number of the first command that is known of each simulation: below 0 of those told `before` (n, L, A).
+
+    -1 is the last of these: they stand behind the commands of the run, where negative numbers find them.
+    """
+    if before is None:
+        return np.zeros(simulations)
+    unknown = np.isnan(before).any(axis=2)[:, ::-1]
+    return -np.where(unknown.any(axis=1), unknown.argmax(axis=1), before.shape[1]).astype(float)
+
+
+def shares(step: Any, substep: Any, period: Any, h: Any, delay: Any, first: Any) -> tuple[Any, Any, Any]:
+    """Numbers of the two commands that act, `delay` [s] late, in a time step, and the share of the first of them.
+
+    first : number of the first command that is known; what came before it is not, and taken to have been the same.
+    """
     begins = step * period + substep * h - delay
     ends = begins + h
     last = np.floor(ends / period - 1e-9)
     share = np.clip((ends - last * period) / h, 0.0, 1.0)  # of the time step after the change
-    return np.clip(last, 0, step).astype(int), np.clip(last - 1, 0, step).astype(int), share
+    return np.clip(last, first, step).astype(int), np.clip(last - 1, first, step).astype(int), share
 
 
 def clock_of(ports: Ports, run: Run) -> tuple[np.ndarray, np.ndarray]:

@@ -21,6 +21,7 @@ from dynreg.sim.engines.mujoco_model import (
     modelled,
     quiet,
     told,
+    told_before,
 )
 from dynreg.sim.engines.mujoco_reset import foot_spheres, named_geoms, reset
 from dynreg.sim.engines.mujoco_steps import Drives, EffectSteps, Steps, busy_simulations
@@ -196,12 +197,17 @@ class Simulations:
         ):  # on the way: a filter holds what was told before, of which the first command is the nearest
             drives, places = self._filters
             batch.bind("act")[:, places] = commands[:, 0, drives]
-        return self.steps(commands, run.draws)
+        return self.steps(commands, run.draws, told_before(self.layout, run))
 
-    def steps(self, commands: np.ndarray, draws: np.ndarray | None = None) -> Steps:
-        """Every simulation as it is, with commands (n, T, A) before it, as the drives are told them."""
+    def steps(
+        self, commands: np.ndarray, draws: np.ndarray | None = None, before: np.ndarray | None = None
+    ) -> Steps:
+        """Every simulation as it is, with commands (n, T, A) ahead of it, as the drives are told them.
+
+        before : (n, L, A) what they were told until now, as in `Clock`.
+        """
         batch = self._batch
-        clock = Clock(commands, self._period, self._h, self._begin, draws)
+        clock = Clock(commands, self._period, self._h, self._begin, draws, before)
         if not len(self._busy):
             return Steps(batch, self.layout, self._drives, clock, self._busy)
         effects = (self._active, self.ports, self._inertia)

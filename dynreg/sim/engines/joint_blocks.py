@@ -18,14 +18,16 @@ class Joints:
     """n simulations of A joints on their way.
 
     rows : {name of a row of `joint_kernel`: (n, A) or what spreads to it}, all that it is given. substeps : (n,) time
-    steps in a command. commands : (n, T, A). draws : as many; None for 0. inputs : (n, T, I). heard : (2, A) the
-    channels of inputs that are a drive's supply and its enable; -1 for none.
+    steps in a command. commands : (n, T, A). draws : as many; None for 0. before : (n, L, A) commands before them, as
+    `Clock` has them. inputs : (n, T, I). heard : (2, A) the channels of inputs that are a drive's supply and its
+    enable; -1 for none.
     """
 
     rows: Mapping[str, np.ndarray]
     substeps: np.ndarray
     commands: np.ndarray
     draws: np.ndarray | None
+    before: np.ndarray | None
     inputs: np.ndarray
     heard: np.ndarray
 
@@ -58,7 +60,11 @@ def integrate(joints: Joints, active: Sequence[Acting], drives: np.ndarray, thre
     draws = np.zeros((n, 0, count)) if joints.draws is None else joints.draws
     moved = np.empty((2, n, steps + 1, count))
     told = (order, terms, sizes, looking, BACK, given.reshape(len(given), -1), own)
-    heard, commands = np.ascontiguousarray(joints.heard), np.ascontiguousarray(joints.commands)
+    told_before = np.zeros((n, 0, count)) if joints.before is None else joints.before
+    heard, commands = (
+        np.ascontiguousarray(joints.heard),
+        np.concatenate([joints.commands, told_before], axis=1),
+    )
     told = (*told, joints.inputs, heard, commands, draws, *moved)
     many = threads or os.cpu_count() or 1
     if many == 1 or len(blocks) <= 1:

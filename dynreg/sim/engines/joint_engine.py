@@ -14,6 +14,7 @@ from dynreg.sim.engines.acting import (
     acting,
     clock_of,
     configure_terms,
+    first_known,
     observed,
     true_states,
     with_drives,
@@ -21,7 +22,14 @@ from dynreg.sim.engines.acting import (
 from dynreg.sim.engines.diverged import diverged
 from dynreg.sim.engines.joint_blocks import Joints, integrate
 from dynreg.sim.engines.joint_stops import stop_rows
-from dynreg.sim.engines.mujoco_model import compiled, configure, episode_inputs, joint_inertia, told
+from dynreg.sim.engines.mujoco_model import (
+    compiled,
+    configure,
+    episode_inputs,
+    joint_inertia,
+    told,
+    told_before,
+)
 from dynreg.sim.layout import Layout, observe, place
 from dynreg.sim.ports import TYPES, Ports
 from dynreg.sim.robot import Robot
@@ -52,9 +60,12 @@ def simulate(
     rows = _of_drives(ports) | plant | stops | {"AT": q, "V": v}
     rows = {name: values[:, drives] for name, values in rows.items()}
     rows |= {"H": (period / substeps)[:, None], "PERIOD": period[:, None], "BEGIN": begin[:, None]}
+    before = told_before(layout, run)
+    rows["FIRST"] = first_known(before, len(values))[:, None]
     heard = np.stack([ports.supply_input, ports.enable_input])[:, drives]
     draws = None if run.draws is None else run.draws[..., drives]
-    joints = Joints(rows, substeps, commands[..., drives], draws, inputs, heard)
+    before = None if before is None else before[..., drives]
+    joints = Joints(rows, substeps, commands[..., drives], draws, before, inputs, heard)
     positions, velocities = integrate(joints, active, drives, threads)
     # whole poses, of which the joints that are left out are not known
     qpos, qvel = (np.full((batch.nsim, run.steps + 1, size), np.nan) for size in (model.nq, model.nv))

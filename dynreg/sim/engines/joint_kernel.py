@@ -18,14 +18,14 @@ WIDTH = 16
 (SCALE, OFFSET, SUPPLY, INERTIA, VISCOUS, COULOMB, AMPLITUDE) = range(14 * WIDTH, 21 * WIDTH, WIDTH)
 (PHASE, CONSTANT, H, PERIOD, BEGIN, AT, V) = range(21 * WIDTH, 28 * WIDTH, WIDTH)
 (LOW, HIGH, SPRING, DAMPER, FIRMEST, SOFTEST, DEPTH, MIDDLE, POWER) = range(28 * WIDTH, 37 * WIDTH, WIDTH)
-(BACK_EMF, DUTY_LIMIT) = range(37 * WIDTH, 39 * WIDTH, WIDTH)
-GIVEN = 39
+(BACK_EMF, DUTY_LIMIT, FIRST) = range(37 * WIDTH, 40 * WIDTH, WIDTH)
+GIVEN = 40
 # The others are computed: the law in force, what it makes of a time step, and what ports see.
-(PUSH, STIFFNESS, RATE, LIMIT, FADE, DAMPING, BIAS, DRAG, KEPT) = range(39 * WIDTH, 48 * WIDTH, WIDTH)
-(ON, DRAW, SENT, U, MEASURED, Q, TORQUE, NET, LOAD) = range(48 * WIDTH, 57 * WIDTH, WIDTH)
+(PUSH, STIFFNESS, RATE, LIMIT, FADE, DAMPING, BIAS, DRAG, KEPT) = range(40 * WIDTH, 49 * WIDTH, WIDTH)
+(ON, DRAW, SENT, U, MEASURED, Q, TORQUE, NET, LOAD) = range(49 * WIDTH, 58 * WIDTH, WIDTH)
 # What the encoder's shaft stands and turns ahead of the joint; what the drive's own loop sees; time steps so far.
-(FRICTION, AFTER, AHEAD, FASTER, SEEN, SEEN_V, COUNT) = range(57 * WIDTH, 64 * WIDTH, WIDTH)
-ROWS = 64
+(FRICTION, AFTER, AHEAD, FASTER, SEEN, SEEN_V, COUNT) = range(58 * WIDTH, 65 * WIDTH, WIDTH)
+ROWS = 65
 # What an encoder reads too much depends on where its joint is, and that on what it reads too much: a fixed point. After
 # four turns a strong eccentricity is 5e-8 rad off, the most that a fit reaches (0.3 rad) 5e-3 rad.
 SETTLED = 4
@@ -264,7 +264,9 @@ def run(
     joints, simulation times drives + drive. terms : (M, 2) kind of an effect, and its first row in `own`. sizes : rows
     of each kind. looking : whether each changes what a drive's loop or the log sees. back : [s] that a loop looks back.
     given (GIVEN, J) and own (R, J) : of J joints. inputs : (N, T, I), of which a drive hears the channels heard (2, A),
-    supply and enable; -1 for none. commands, draws : (N, T, A). positions, velocities : (N, T+1, A), written.
+    supply and enable; -1 for none. commands (N, T + L, A) : of the run, then the L told before it, so that -1 is the
+    last of these; the row FIRST has the number of the first that is known. draws : (N, T, A). positions, velocities :
+    (N, T+1, A), written.
     """
     count, most = commands.shape[2], 0
     for begin, end in blocks[:, 2:4]:
@@ -296,7 +298,7 @@ def run(
                 kept = max(kept, int(np.ceil(back / x[H + k])) + 2)
                 x[AHEAD + k] = x[FASTER + k] = x[COUNT + k] = 0.0
         trail = np.zeros((1 + kept, 2, WIDTH))
-        for step in range(commands.shape[1]):
+        for step in range(positions.shape[1] - 1):
             if listen(x, n, inputs, heard, sims, drives, step):
                 obey(x, n)
             for k in range(n):

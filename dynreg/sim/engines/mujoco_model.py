@@ -148,6 +148,11 @@ def told(layout: Layout, ports: Ports, run: Run, q: np.ndarray) -> np.ndarray:
     return shaped_commands(run.actions, start, low, high, ports, run.noise)
 
 
+def told_before(layout: Layout, run: Run) -> np.ndarray | None:
+    """(n, L, A) what the drives were told before, within the actions' limits; None where nothing is known."""
+    return None if run.before is None else np.clip(run.before, *layout.action_range.T)
+
+
 @contextmanager
 def quiet() -> Iterator[None]:
     """Keep MuJoCo from writing to stderr and to a MUJOCO_LOG.TXT in the working folder; also a decorator.

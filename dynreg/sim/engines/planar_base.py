@@ -80,7 +80,9 @@ def planar_rollout(
     h = period / substeps
     substeps = substeps * np.ceil(h / integrator.longest(law, h) - 1e-9).astype(int)
     state = _start(robot, base, run, ports, law, period)
-    clock = Clock(_commands(base, ports, run, state), period, period / substeps, begin, run.draws)
+    before = None if run.before is None else np.clip(run.before, *base.ranges.T)
+    told = _commands(base, ports, run, state)
+    clock = Clock(told, period, period / substeps, begin, run.draws, before)
     motion = _Motion(base, ports, law, clock, active, integrator)
     trace = np.empty((run.steps + 1, *state.shape))
     trace[0] = state
@@ -219,7 +221,7 @@ def _start(robot: Robot, base: Base, run: Run, ports: Ports, law: Law, period: n
     if run.velocity is not None:
         full[:2] = np.where(np.isnan(full[:2]), run.velocity.T, full[:2])
     if run.before is not None:
-        came = _velocities_after(base, ports, law, run.before, period)
+        came = _velocities_after(base, ports, law, np.nan_to_num(run.before), period)
         full[:2] = np.where(np.isnan(full[:2]), came, full[:2])
     return np.nan_to_num(full[: len(state)])
 

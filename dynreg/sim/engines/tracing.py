@@ -149,10 +149,11 @@ class _Tracer:
 
     def _clock(self, tape: Tape, h: Symbol) -> dict[str, Callable]:
         """What `x.time`, `x.past` and `x.draw` say."""
-        step, substep, period = (Symbol(name, tape) for name in ("step", "substep", "x[PERIOD + k]"))
+        names = ("step", "substep", "x[PERIOD + k]", "x[FIRST + k]")
+        step, substep, period, first = (Symbol(name, tape) for name in names)
 
         def past(delay: Any) -> Symbol:
-            late, early, share = shares(step, substep, period, h, delay)
+            late, early, share = shares(step, substep, period, h, delay, first)
             rows = (named(row, tape) for row in (late, early))
             now, before = (tape.put(f"commands[sims[k], {row}, drives[k]]") for row in rows)
             return share * now + (1.0 - share) * before

@@ -1,13 +1,17 @@
 """Effects of a drive's loop, its current and its encoder: each does what its definition says."""
 
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from effect_benches import bench, rms
 
-from dynreg.sim.effects import Effect, EffectParameter, Moment, Term, Terms, effects
+from dynreg.errors import UsageError
+from dynreg.sim.effects import Effect, EffectParameter, Moment, Term, Terms, effects, placed, term
 from dynreg.sim.engines import Arena, rollout
+from dynreg.sim.engines.acting import require
 from dynreg.sim.robot import load_robot
 from dynreg.sim.run import Run
 
@@ -204,3 +208,20 @@ def test_a_free_joint_swings_from_the_speed_behind_what_its_encoder_says(engine:
 
 def test_a_sliding_joint_has_no_disc():
     assert "slides" in E["encoder_eccentricity"].why_not(load_robot("emps"))
+
+
+def test_beside_a_slide_hinges_may_have_discs_that_run_out_of_true(tmp_path: Path) -> None:
+    copy = tmp_path / "arm"
+    shutil.copytree(load_robot("two_joint_arm").folder, copy)
+    text = (copy / "model.xml").read_text(encoding="utf-8")
+    (copy / "model.xml").write_text(text.replace('name="elbow" arm', 'name="elbow" type="slide" arm'))
+    robot, effect = load_robot(copy), E["encoder_eccentricity"]
+    assert effect.why_not(robot) is None and [t.key for t in placed(robot, effect)] == [
+        f"{effect.id}[shoulder]"
+    ]
+    for key in (effect.id, f"{effect.id}[elbow]", f"{effect.id}[shoulder,elbow]"):
+        with pytest.raises(
+            UsageError, match=r"a disc turns, and 'elbow' slides; expected joints out of \['shoulder'\]"
+        ):
+            require(robot, term(key))
+    require(robot, term(f"{effect.id}[shoulder]"))

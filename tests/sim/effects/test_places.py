@@ -61,6 +61,32 @@ def made(path: Path, model: str, tools: str = '["flange"]') -> Robot:
     return load_robot(path)
 
 
+def slid(path: Path, *names: str) -> Robot:
+    """The chain, in which these joints slide."""
+    text = model_text()
+    for name in names:
+        text = text.replace(f'<joint name="{name}"', f'<joint type="slide" name="{name}"')
+    return made(path, text)
+
+
+def test_hinges_and_slides_share_no_size_of_which_each_has_another_quantity(tmp_path: Path) -> None:
+    single = [f"coulomb_friction[{name}]" for name in LINKS]
+    mixed = slid(tmp_path, "three", "four")
+    assert keys(mixed, "coulomb_friction") == [
+        "coulomb_friction[one,two]",
+        "coulomb_friction[three,four]",
+        *single,
+    ]
+    assert keys(mixed, "command_delay") == ["command_delay", *(f"command_delay[{name}]" for name in LINKS)]
+    (tmp_path / "one").mkdir()
+    assert keys(slid(tmp_path / "one", "four"), "coulomb_friction") == [
+        "coulomb_friction[one,two,three]",
+        *single,
+    ]
+    (tmp_path / "all").mkdir()
+    assert keys(slid(tmp_path / "all", *LINKS), "coulomb_friction") == ["coulomb_friction", *single]
+
+
 def keys(robot: Robot, effect: str) -> list[str]:
     return [one.key for one in placed(robot, E[effect])]
 

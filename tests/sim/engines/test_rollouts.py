@@ -7,7 +7,7 @@ import pytest
 from effect_benches import mixed
 
 from dynreg.sim import engines
-from dynreg.sim.effects import Terms, effects
+from dynreg.sim.effects import effects
 from dynreg.sim.engines import Case, rollout, rollouts
 from dynreg.sim.excitation import excitation
 from dynreg.sim.real import disturbance, disturbed
@@ -33,14 +33,14 @@ def cases(robot: Robot, names: tuple[str, ...]) -> list[Case]:
     values = [robot.space.sample(0, 3, s) for s in range(6)]
     noise = motor_noise(np.array([1, 2, 3]), runs[0].episodes, 20, len(robot.actions))
     own = np.stack([runs[4].actions, 0.5 * runs[4].actions, -runs[4].actions])
-    term = Terms((disturbance(robot),), (np.full((3, 1), 0.01),))
+    limits = np.full(len(robot.actions), 2.0)
     some = [effects()[name] for name in names]
     rows = [{}, {some[0]: "strong"}, {e: "medium" for e in some}]
     return [
         Case(values[0], replace(runs[0], noise=noise)),
         Case(values[1], runs[1], mixed(robot, rows)),
         Case(values[2], replace(runs[2], noise=noise[:, :2] * 0.5), mixed(robot, rows[::-1])),
-        Case(values[3], disturbed(robot, runs[3], rng), term),
+        Case(values[3], disturbed(runs[3], limits, rng), disturbance(robot, limits).tiled(3)),
         Case(values[4], replace(runs[4], actions=own)),
         Case(values[5][:2], replace(runs[5], actions=runs[5].actions[:, :15], inputs=None)),
     ]
