@@ -79,12 +79,13 @@ def main() -> None:
     parser.add_argument("--walk", type=float, default=aibo.WALK, help="seconds of a walk")
     parser.add_argument("--seed", type=int, default=REPORT)
     parser.add_argument("--journal", type=Path, help="folder of an interrupted run, to go on from")
+    parser.add_argument("--registry", type=Path, help="new folder for its recordings and calibrations")
     parser.add_argument("--threads", type=int, default=0)
     given = parser.parse_args()
     hidden = aibo.hidden(given.seed)
     with (
         tempfile.TemporaryDirectory() as folder,
-        dynreg.open(Path(folder) / "registry") as session,
+        dynreg.open(given.registry or Path(folder) / "registry") as session,
     ):
         journals = given.journal or Path(folder) / "journals"
         given.resume = any(journals.glob("*.jsonl"))
