@@ -261,7 +261,7 @@ def _create(path: Path, create: bool, aside: bool) -> None:
     raise RegistryError(
         problem,
         expected="a registry directory" + (" or an empty place for a new one" if create else ""),
-        do="give the folder of a registry, such as `dynreg export` writes"
+        do="give the folder of a registry, such as an export writes"
         if aside
         else "name another one with --registry, or fill a new one with `dynreg ingest` or `dynreg populate`",
     )

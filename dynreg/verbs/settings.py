@@ -255,7 +255,7 @@ def flags(settings: Settings, without: Collection[str] = ()) -> list[str]:
             continue
         flag = how.flag_of(one.name)
         if isinstance(value, bool):
-            out.append(flag if value else f"--no-{flag.removeprefix('--')}")
+            out.append(flag if value else f"{flag[:2]}no-{flag[2:]}")
         else:
             out += [flag, ",".join(map(str, value)) if isinstance(value, tuple) else str(value)]
     return out

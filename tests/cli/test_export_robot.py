@@ -106,7 +106,7 @@ def test_a_result_means_the_simulator_that_it_recommends(stored, dynreg) -> None
 def test_without_a_calibration_the_word_names_what_a_diagnosis_calibrated(stored, dynreg) -> None:
     registry, identity = stored
     line = ("export", "calibrated", "--as", "robot", "--to", "taken", "--registry", registry)
-    assert "run `dynreg calibrate`" in dynreg(*line).err
+    assert f"run `dynreg calibrate --registry {registry}`" in dynreg(*line).err
     with session.open(registry) as opened:
         found = {"calibrated_simulator": identity, "extended_simulator": None}
         opened.registry.put_result("diagnosis", opened.show("bench").id, found)
