@@ -61,10 +61,9 @@ def integrate(joints: Joints, active: Sequence[Acting], drives: np.ndarray, thre
     moved = np.empty((2, n, steps + 1, count))
     told = (order, terms, sizes, looking, BACK, given.reshape(len(given), -1), own)
     told_before = np.zeros((n, 0, count)) if joints.before is None else joints.before
-    heard, commands = (
-        np.ascontiguousarray(joints.heard),
-        np.concatenate([joints.commands, told_before], axis=1),
-    )
+    commands = np.concatenate([joints.commands, told_before], axis=1)
+    # some joints of all are no whole piece of memory, which the kernel wants
+    heard, commands, draws = map(np.ascontiguousarray, (joints.heard, commands, draws))
     told = (*told, joints.inputs, heard, commands, draws, *moved)
     many = threads or os.cpu_count() or 1
     if many == 1 or len(blocks) <= 1:
