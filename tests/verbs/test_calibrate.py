@@ -181,7 +181,7 @@ def test_simulations_by_another_version_are_run_again(
 ) -> None:
     stopped(session, place, seed=15)
     monkeypatch.setattr(
-        accepted, "version", lambda one: "9.9" if one == "mujoco" else importlib.metadata.version(one)
+        versions, "version", lambda one: "9.9" if one == "mujoco" else importlib.metadata.version(one)
     )
     with pytest.warns(
         Assumed, match=r"simulations of 'es' were run by dynreg .*, mujoco .*: they are run again"
@@ -233,7 +233,7 @@ def test_a_calibration_that_another_version_ended_is_computed_again(
 ) -> None:
     first = asked(session, place, "random", seed=9, budget=4)
     monkeypatch.setattr(
-        accepted, "version", lambda one: "9.9" if one == name else importlib.metadata.version(one)
+        versions, "version", lambda one: "9.9" if one == name else importlib.metadata.version(one)
     )
     with pytest.warns(Assumed, match="nothing to go on with: the calibration begins"):
         again = asked(session, place, "random", seed=9, budget=4, resume=True)

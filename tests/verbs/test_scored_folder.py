@@ -87,7 +87,7 @@ def test_an_answer_that_comes_before_its_trial_is_refused(
     folder = tmp_path / "trials"
     with pytest.raises(
         UsageError,
-        match=r"trial_2_score.txt' is there.*; remove it; then the same command with --resume goes on",
+        match=r"trial_2_score.txt' answers .*; remove it; then the same command with --resume goes on",
     ):
         calibrated(opened, brief, folder, Person(folder, writes_ahead))
     (folder / "trial_2_score.txt").unlink()
