@@ -11,6 +11,7 @@ import pytest
 from tiny_registry import bench_csv, make
 
 import dynreg
+import dynreg.sim.versions as versions
 import dynreg.verbs.accepted as accepted
 from dynreg.adapt.plan import read_plan, resolved
 from dynreg.cli.schemas import schema_files
