@@ -124,7 +124,9 @@ def logged(
     The truth has a finer time step, disturbances of its own, sensor noise and quantisation, as `SimulatedRobot` has. A
     log ends with a fall, and is left out where that comes in the first `shortest` seconds.
     """
-    truth, limits, actions = finer(robot), drive_limits(robot), np.stack([*commands.values()])
+    truth, actions = finer(robot), np.stack([*commands.values()])
+    # of the mean limit of all drives, as in the runs of which the tables tell
+    limits = np.full(len(robot.actions), drive_limits(robot).mean())
     rng = stream(hidden.seed, "hidden aibo", robot.name, *commands)
     run = disturbed(Run(actions, period=1.0 / robot.rate), limits, rng)
     terms, values = hidden.effects(robot)
