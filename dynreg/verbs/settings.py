@@ -68,6 +68,15 @@ class Option:
         """As an error names it."""
         return (self.flag or f"--{name.replace('_', '-')}").split("/")[0]
 
+    def words(self, name: str, value: Any) -> list[str]:
+        """What a command line tells for this value: the flag and the value, or the flag that turns it on or off."""
+        flag = self.flag_of(name)
+        if value is True:
+            return [flag]
+        if value is False:
+            return [self.flag.split("/")[-1] if self.flag else f"{flag[:2]}no-{flag[2:]}"]
+        return [flag, ",".join(map(str, value)) if isinstance(value, tuple) else str(value)]
+
     @property
     def sentence(self) -> str:
         """What it is, with its choices."""
@@ -193,13 +202,10 @@ class Settings:
         """
         for one, how in options(type(self)):
             value = getattr(self, one.name)
-            if one.name not in names or value in (one.default, ()):
-                continue
-            switch = isinstance(value, bool)
-            flag = how.flag.split("/")[-1] if switch and how.flag else how.flag_of(one.name)
-            shown = "" if switch else f" {','.join(value) if isinstance(value, tuple) else value}"
-            problem = f"{flag}{shown} has no meaning {where}"
-            raise UsageError(problem, expected=expected, do=f"leave {flag} out")
+            if one.name in names and value not in (one.default, ()):
+                flag, *shown = how.words(one.name, value)
+                problem = f"{' '.join((flag, *shown))} has no meaning {where}"
+                raise UsageError(problem, expected=expected, do=f"leave {flag} out")
 
 
 def typed(one: Field, value: Any) -> Any:
@@ -251,13 +257,8 @@ def flags(settings: Settings, without: Collection[str] = ()) -> list[str]:
     out: list[str] = []
     for one, how in options(type(settings)):
         value = getattr(settings, one.name)
-        if value == one.default or how.flag is None or one.name in without:
-            continue
-        flag = how.flag_of(one.name)
-        if isinstance(value, bool):
-            out.append(flag if value else f"{flag[:2]}no-{flag[2:]}")
-        else:
-            out += [flag, ",".join(map(str, value)) if isinstance(value, tuple) else str(value)]
+        if value != one.default and how.flag is not None and one.name not in without:
+            out += how.words(one.name, value)
     return out
 
 
