@@ -98,7 +98,7 @@ def _litters(data: bytes) -> None:
 
 def _colours(data: bytes) -> None:
     error = LogError("no log", expected="a log", do="x")
-    error.args = ("\x1b[31m",)
+    error.problem = "\x1b[31m"
     raise error
 
 
