@@ -23,7 +23,7 @@ from dynreg.diagnose.score import passing
 from dynreg.diagnose.settle import revise, unlike
 from dynreg.diagnose.threshold import Cache, Nulls, Threshold, found_before, threshold
 from dynreg.diagnose.verdict import Evidence, Verdict, verdict_of
-from dynreg.diagnose.zeros import zeroed
+from dynreg.diagnose.zeros import shifted, zeroed
 from dynreg.errors import UsageError
 from dynreg.evidence.data import Data
 from dynreg.evidence.hypothesis import single_terms
@@ -173,7 +173,11 @@ def left_over(
     if state.accepted or evidence.explained:
         return evidence
     free = yield from zeroed(state, posed)
-    return evidence if free is state else (yield from Evidence.of(free, recording, usual))
+    if free is state:
+        return evidence
+    evidence = yield from Evidence.of(free, recording, usual)
+    moved = shifted(free.model.robot, posed.windows, free.data.windows) if evidence.explained else {}
+    return replace(evidence, zeros=moved)
 
 
 def looks(problem: Problem, state: State, left: Sequence[Term]) -> Search[Ranking]:

@@ -1,7 +1,7 @@
 """The residual after the search against the noise floor, which no simulator can explain; the verdict from it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -86,12 +86,14 @@ class Evidence:
 
     noise : of the channel that says most against the simulator; see `worst`. repeats : of every channel, by name.
     usual : whether simulated robots without an effect leave as much of their stated noise; None where none were
-    simulated.
+    simulated. zeros : the most that positions of an episode were shifted by, by channel, where this alone explains the
+    error; see `diagnose.zeros`.
     """
 
     noise: Noise
     repeats: dict[str, Repeatability]
     usual: bool | None = None
+    zeros: dict[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, found: State, recording: Recording, usual: Sequence[float] = ()) -> Search["Evidence"]:

@@ -17,6 +17,7 @@ from dynreg.evidence.lockstep import Search, together
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
 from dynreg.replay.windows import Windows
+from dynreg.sim.robot import Robot
 
 # With these the double pendulum shows its elbow's encoder, 38 nats, and friction (bench_diagnose_double_pendulum).
 TURNS = 2  # alternating fits of the zeros and the simulator after each cause
@@ -86,6 +87,12 @@ def rezeroed(model: Model, posed: Data, point: Point, chosen: np.ndarray) -> Sea
     for group in groups:
         off[group] -= common
     return moved(off)
+
+
+def shifted(robot: Robot, logged: Windows, free: Windows) -> dict[str, float]:
+    """The most that positions of an episode in `free` are away from the logged ones, by channel, in its unit."""
+    apart = np.nanmax(np.abs(free.run.initial - logged.run.initial), axis=0, initial=0.0)
+    return {name: float(most) for name, most in zip(robot.channels, apart, strict=True) if most > 0}
 
 
 def _moved(raw: Windows, columns: np.ndarray, by: np.ndarray) -> Windows:

@@ -8,9 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dynreg.data.names import quantity_of
-from dynreg.replay.windows import Windows
-from dynreg.sim.ports import nominal_ports, takes_positions
+from dynreg.replay.windows import Windows, follows
 from dynreg.sim.robot import Robot
 
 # Time constants [s] of the lag with which a joint follows: from none to that of a drive that hardly moves.
@@ -32,14 +30,9 @@ def followed(robot: Robot, windows: Windows, chosen: Sequence[int]) -> np.ndarra
     are told positions have such channels.
     """
     out = np.full(windows.measured.shape, np.nan)
-    told = takes_positions(nominal_ports(robot, 1))
     low, high = robot.action_ranges.T
     commands = np.clip(windows.run.actions, low, high)
-    columns = {name: c for c, name in enumerate(robot.channels) if quantity_of(name) == "position"}
-    for action, joint in enumerate(robot.joints):
-        column = columns.get(f"{joint}/position")
-        if column is None or not told[action]:
-            continue
+    for action, column in follows(robot):
         measured = windows.measured[..., column]
         if not np.isfinite(measured[chosen]).any():
             continue

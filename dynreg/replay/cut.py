@@ -72,7 +72,7 @@ def windows(robot: Robot, recording: Recording, rest: bool = False, horizon: flo
         begin=np.array([rows.begin[n] + rows.time[n][first] - rows.time[n][0] for n, first, _ in cuts]),
     )
     run = replace(run, initial=starts(robot, actions, measured, run.rolling))
-    spread, weight = scales(robot, measured)
+    spread, weight = scales(robot, measured, actions)
     return Windows(run, measured, spread, weight, numbers, spans, run.period)
 
 

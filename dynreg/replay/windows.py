@@ -8,6 +8,7 @@ from dynreg.errors import LogError
 from dynreg.replay.residual import by_weight, scaled
 from dynreg.replay.velocity import pose_columns
 from dynreg.sim.engines import rollout
+from dynreg.sim.ports import nominal_ports, takes_positions
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
 
@@ -45,7 +46,7 @@ class Windows:
 
         Raises LogError where no channel with a weight was measured in them.
         """
-        spread, weight = scales(robot, self.measured[chosen])
+        spread, weight = scales(robot, self.measured[chosen], self.run.actions[chosen])
         return replace(self, spread=spread, weight=weight)
 
     def take(self, windows: np.ndarray) -> "Windows":
@@ -170,12 +171,13 @@ def errors(residuals: np.ndarray) -> np.ndarray:
     return np.nanmean(np.abs(residuals), axis=(2, 3))
 
 
-def scales(robot: Robot, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def scales(robot: Robot, measured: np.ndarray, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Spread (S,) of measured rows (W, T+1, S), never below the noise, and the weights (S,) of channels in them.
 
     That of a base's yaw is never above `ANYWHERE`. A channel weighs nothing that has no value after the start of a
-    window, nor one that is still (`moves`) while others move: its unit would be its noise, and drown theirs. Raises
-    LogError where no channel with a weight was measured.
+    window, nor one that is still (`moves`) while others move: its unit would be its noise, and drown theirs. But a
+    joint that was told to move by commands (W, T, A), and is `stuck`, has the spread of its commands. Raises LogError
+    where no channel with a weight was measured.
     """
     import warnings
 
@@ -187,6 +189,8 @@ def scales(robot: Robot, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     spread = np.maximum(np.nan_to_num(spread), _floor(robot))
     weight = np.array([c.weight for c in robot.file.channels]) * np.isfinite(measured[:, 1:]).any(axis=(0, 1))
     if (weight * moves(robot, spread)).any():
+        told = stuck(robot, measured, actions)
+        spread[list(told)] = list(told.values())
         weight = weight * moves(robot, spread)
     if not weight.sum() > 0:
         raise LogError(
@@ -195,6 +199,27 @@ def scales(robot: Robot, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             do="add it to the map, or give another channel a weight in robot.toml",
         )
     return spread, weight / weight.sum()
+
+
+def follows(robot: Robot) -> list[tuple[int, int]]:
+    """(action, channel) of each joint whose drive is told positions, and whose position is a channel."""
+    columns = {name: c for c, name in enumerate(robot.channels)}
+    held = zip(robot.joints, takes_positions(nominal_ports(robot, 1)), strict=True)
+    pairs = [(action, columns.get(f"{joint}/position")) for action, (joint, told) in enumerate(held) if told]
+    return [(action, column) for action, column in pairs if column is not None]
+
+
+def stuck(robot: Robot, measured: np.ndarray, actions: np.ndarray) -> dict[int, float]:
+    """Of each measured position that holds still in rows (W, T+1, S) while its joint was told to move by actions
+    (W, T, A): its channel, and the standard deviation of those commands within the joint's range.
+    """
+    floor, out = MOVES * _floor(robot), {}
+    for action, column in follows(robot):
+        rows = measured[..., column]
+        told = float(np.clip(actions[..., action], *robot.action_ranges[action]).std())
+        if np.isfinite(rows).any() and np.nanstd(rows) <= floor[column] < told:
+            out[column] = told
+    return out
 
 
 def moves(robot: Robot, spread: np.ndarray) -> np.ndarray:

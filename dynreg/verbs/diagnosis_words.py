@@ -129,11 +129,20 @@ def notes(
         out.append(
             f"the noise of {name} is about {sigma / stated[name]:.0f} times the value in robot.toml: correct it there"
         )
+    out += zeros_moved(robot, made.evidence.zeros)
     out += at_the_edge([name for name, _ in at_bounds(made.problem.model.coordinates, made.found.current)])
     out += held_out_notes(robot, made.problem.data.windows, made.problem.data.parts)
     out += unscored_notes(robot, made.problem.data.windows, made.problem.data.parts)
     out += same_words(seen.same)
     return (*out, *identifiability_words(made.problem.model.robot, seen.unidentified, parameters))
+
+
+def zeros_moved(robot: Robot, zeros: Mapping[str, float]) -> Iterator[str]:
+    """A line on the zeros that explain an error without a cause, by channel; see `verdict.Evidence`."""
+    if zeros:
+        units = {c.name: suffix(c.unit) for c in robot.file.channels}
+        by = ", ".join(f"{name} by up to {most:.2g}{units[name]}" for name, most in zeros.items())
+        yield f"robot.toml states that episodes have zeros of their own: those explain the error, if moved ({by})"
 
 
 def at_the_edge(names: Sequence[str]) -> Iterator[str]:

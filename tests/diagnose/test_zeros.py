@@ -90,6 +90,7 @@ def test_zeros_that_differ_are_no_unexplained_error():
     assert not run(Evidence.of(state, recording)).explained
     found = run(left_over(state, data, recording))
     assert found.explained and verdict_of(robot, found, (), 0) == "none"
+    assert found.zeros == pytest.approx({"shoulder/position": 0.03, "elbow/position": 0.03}, abs=0.01)
 
 
 def test_zeros_stay_where_none_is_set_anew(posed):

@@ -13,7 +13,7 @@ from dynreg.diagnose.pose import pose
 from dynreg.errors import LogError
 from dynreg.replay.cut import windows
 from dynreg.replay.parts import parts
-from dynreg.replay.windows import Replayer, errors
+from dynreg.replay.windows import Replayer, errors, follows, moves, scales, stuck
 from dynreg.sim.engines import rollout
 from dynreg.sim.excitation import excitation
 from dynreg.sim.robot import Robot, load_robot
@@ -126,6 +126,30 @@ def test_a_channel_that_holds_still_is_not_scored_beside_one_that_moves(robot, r
     told = unscored_notes(robot, cut, parts(still, cut, None))
     assert told == ("arm/velocity moves by no more than 3 times the noise in robot.toml: no error counts it",)
     assert unscored_notes(robot, windows(robot, recording), parts(recording, cut, None)) == ()
+
+
+def test_a_joint_that_was_told_to_move_and_holds_still_is_scored_by_the_motion_that_it_was_told():
+    """Without a unit of its own a stuck joint counted for nothing, and "nothing is wrong" was the answer."""
+    robot = load_robot("two_joint_arm")
+    run = excitation(robot, seed=3, name="stuck", episodes=2, steps=60)
+    states = rollout(robot, robot.space.nominal[None], run).states[0]
+    cut = lambda rows: scales(robot, rows, run.actions)  # noqa: E731
+    (spread, weight), (action, column) = cut(states), follows(robot)[1]
+    still = states.copy()
+    still[..., column] = 0.2
+    found, scored = cut(still)
+    assert weight[column] > 0 and np.array_equal(scored, weight)
+    told = float(run.actions[..., action].std())
+    assert stuck(robot, still, run.actions) == {column: pytest.approx(told)} and found[
+        column
+    ] == pytest.approx(told)
+    assert np.array_equal(np.delete(found, column), np.delete(spread, column))
+    assert not stuck(robot, states, run.actions)
+    held = np.array(run.actions)
+    held[..., action] = 0.2  # it was told to hold still: nothing to score
+    assert scales(robot, still, held)[1][column] == 0 and not stuck(robot, still, held)
+    nothing = np.broadcast_to(states[:1, :1], states.shape)  # no joint moves: that is no stuck joint
+    assert not moves(robot, scales(robot, nothing, run.actions)[0]).any()
 
 
 def test_a_sensor_that_is_slower_than_rollouts_is_not_scored(robot, recording):

@@ -7,7 +7,7 @@ from dynreg.evidence import model
 from dynreg.results.diagnosis import Pulled
 from dynreg.sim.robot import load_robot
 from dynreg.verbs.diagnose import MANY, DiagnoseSettings, faster, first_command
-from dynreg.verbs.diagnosis_words import at_the_edge, identifiability_words, threshold_note
+from dynreg.verbs.diagnosis_words import at_the_edge, identifiability_words, threshold_note, zeros_moved
 
 
 @pytest.mark.parametrize(
@@ -80,3 +80,11 @@ def test_a_threshold_of_few_robots_claims_no_rate_of_false_alarms() -> None:
         "1 simulated robot without an effect reached at most 3.14 nats under these commands: too few to set one below "
         "the usual 20 nats, which takes 6 of them"
     )
+
+
+def test_zeros_that_explain_an_error_are_told():
+    """ "Nothing is wrong" said no word of them."""
+    robot = load_robot("double_pendulum")
+    assert list(zeros_moved(robot, {})) == []
+    (told,) = zeros_moved(robot, {"shoulder/position": 0.0312, "elbow/position": 0.02})
+    assert told.endswith("(shoulder/position by up to 0.031 rad, elbow/position by up to 0.02 rad)")
