@@ -43,14 +43,10 @@ FILE = RESULTS / "back_to_reality.json"
 TRIALS = 190
 SHARE, NEAR = 0.4, 0.05  # of the best, from which all begin, and how far off is near enough
 AGAIN = 10  # new trials of a gait
-REAL_ONLY = (
-    "roulette",
-    "ga",
-    "hill",
-    "policy",
-    "cma",
-)  # searches on the robot alone; the first keeps no elite
-DRAWS, ORACLES = 600, 3  # gaits of which one is the start: of 60 the best had 21 % of the best speed; searches for that
+# searches on the robot alone; the first keeps no elite
+REAL_ONLY = ("roulette", "ga", "hill", "policy", "cma")
+DRAWS = 600  # gaits among which the start is chosen: of 60 the best had 21 % of the best speed
+ORACLES = 3  # searches for the best
 # name: (genes d, trials e, f_0, f_end [cm/s], IF and LP as printed, LP to the third digit)
 TABLE = {
     "Hornby trot": (20, 30 * 3 * 21, 4.5, 10.0, 0.55, 0.582, 0.582),

@@ -21,6 +21,8 @@ from dynreg.session import DEFAULT, place
 from dynreg.verbs.settings import Settings
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+
     from dynreg.cli.settings import Settings as File
     from dynreg.results.result import Result
     from dynreg.session import Session
@@ -144,12 +146,23 @@ class Call:
 
         return _COMMAND.sub(whole, text)
 
+    def _completed(self, shown: "RenderableType") -> "RenderableType":
+        """What is shown, with each line of text by `here`."""
+        from rich.console import Group
+        from rich.text import Text
+
+        if isinstance(shown, Group):
+            return Group(*map(self._completed, shown.renderables))
+        if isinstance(shown, Text) and (whole := self.here(shown.plain)) != shown.plain:
+            return Text(whole, style=shown.style)
+        return shown
+
     def emit(
         self, result: "Result", shown: Any | None = None, hint: str | Sequence[str] | None = None
     ) -> None:
         """Print a result: its JSON document, or what is `shown` (else its tables) and a next-step hint.
 
-        hint : what comes next, or several of which one comes next, a line each; a command is completed by `here`.
+        hint : what comes next, or several of which one comes next, a line each. Commands are completed by `here`.
         Raises the error that its room ends with, where it answers that nothing fits or works.
         """
         from dynreg.cli.output import console
@@ -159,7 +172,7 @@ class Call:
             sys.stdout.write(result.to_json() + "\n")
         else:
             out = console()
-            out.print(render(result) if shown is None else shown)
+            out.print(self._completed(render(result)) if shown is None else shown)
             if hint and not self.quiet:
                 first, *others = (visible(self.here(h)) for h in ([hint] if isinstance(hint, str) else hint))
                 out.print("\n".join([f"next: {first}", *(f"  or: {one}" for one in others)]))

@@ -86,7 +86,7 @@ def next_steps(result: Neighbours) -> tuple[str, ...]:
             else "use --hold-out"
         )
         steps.append(f"Nothing was held out. Record more episodes, or {do}.")
-    if result.unclear or result.unended:
+    if result.fits is not False and (result.unclear or result.unended):
         steps.append(f"Ask what all of them lack: {diagnose}")
     elif result.untested:
         steps.append(f"See whether it is close: {command('query', result.recording_name)}")
@@ -111,7 +111,7 @@ def refusal(result: Neighbours) -> NoMatchError | None:
     return NoMatchError(
         f"no simulator fits {result.recording_name!r}: {result.alarm or 'the recording is out of distribution'}",
         expected=f"a recording that population {result.population[:12]} of {result.robot} can explain",
-        do=f"ask what the model lacks (`{diagnose}`), or check the log with `dynreg doctor`",
+        do=f"ask what the model lacks (`{diagnose}`), or check the log (`dynreg doctor LOG --robot {result.robot}`)",
     )
 
 

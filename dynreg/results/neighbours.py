@@ -67,7 +67,7 @@ class Stage(Result):
 
 
 class ChannelError(Result):
-    """Mean absolute replay error of one channel, in `unit`, on the test part (without one: on the select part).
+    """Mean absolute replay error of one channel, in `unit`, on the test part (without one: on fit and select).
 
     scored : whether replay errors and the gain count it: its weight in robot.toml is not 0, and it moves.
     """

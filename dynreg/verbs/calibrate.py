@@ -197,8 +197,9 @@ def _fitted(
     from dynreg.methods.judged import replay_errors
     from dynreg.results.calibration import CalibrationCost
     from dynreg.sim.config import SimConfig
-    from dynreg.verbs.calibration import document, origin_of, register
+    from dynreg.verbs.calibration import document, register
     from dynreg.verbs.calibration_start import shaped_by, tell_seen
+    from dynreg.verbs.shaped import origin_of
 
     question, evidence, limits = posed
     cut = question.data
@@ -211,7 +212,8 @@ def _fitted(
     configs = [SimConfig.of(cut.robot, v.values, v.effects) for v in found.versions]
     errors = replay_errors(cut, [SimConfig.of(cut.robot, cut.start), configs[-1]], settings.threads)
     asked.register()
-    ids = register(asked.registry, found, configs, begin and begin.id, origin_of(asked, settings.method))
+    origin = origin_of(asked, f"calibrate {settings.method}")
+    ids = register(asked.registry, found, configs, begin and begin.id, origin)
     cost = CalibrationCost(
         evaluations=found.evaluations,
         rollouts=found.rollouts,

@@ -25,12 +25,6 @@ if TYPE_CHECKING:
     from dynreg.verbs.calibrate import CalibrateSettings
 
 
-def origin_of(asked: Recorded, method: str) -> dict[str, Any]:
-    """What the lineages of all simulators of a calibration to recordings say."""
-    origin: dict[str, Any] = {"made_by": f"calibrate {method}", "recording": asked.recording.id}
-    return origin | ({"recordings": [one.recording.id for one in asked.each]} if asked.each else {})
-
-
 def register(
     registry: Registry,
     found: Answer,

@@ -159,7 +159,7 @@ def _require_two(models: tuple[str, ...], chosen: "dict[str, Simulator]") -> Non
         raise UsageError(
             f"{many} to compare",
             expected="two simulators, or models of a wheeled robot",
-            do="name more with --with, or run `dynreg query` or `dynreg diagnose` on the recording first",
+            do="name more with --with, or run a query or a diagnosis of the recording first",
         )
 
 

@@ -308,10 +308,8 @@ def _register(
 ) -> str:
     """The id of a simulator that a diagnosis leaves, registered; parent : of the one that it began with, if any."""
     from dynreg.sim.config import SimConfig, effects_of
+    from dynreg.verbs.shaped import origin_of
 
     config = SimConfig.of(robot, values, effects_of(terms)).as_dict()
-    lineage = {"made_by": "diagnose", "kind": kind, "recording": asked.recording.id}
-    if asked.each:
-        lineage["recordings"] = [one.recording.id for one in asked.each]
-    lineage |= {} if parent is None else {"parent": parent}
+    lineage = origin_of(asked, "diagnose") | {"kind": kind} | ({} if parent is None else {"parent": parent})
     return asked.registry.put_simulator(config | {"lineage": lineage})

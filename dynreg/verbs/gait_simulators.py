@@ -1,7 +1,9 @@
 """The simulators in which the search for a gait evaluates it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +19,7 @@ from dynreg.rng import stream, stream_seed
 from dynreg.sim.config import SimConfig
 from dynreg.verbs.neighbours import judged
 from dynreg.verbs.query import QuerySettings, query, retrieved
+from dynreg.verbs.shaped import queried
 from dynreg.verbs.simulator import NAMES, NOMINAL, POSTERIOR, QUERIED, Simulator
 from dynreg.verbs.simulators import own, simulator
 from dynreg.verbs.subjects import Recorded, population_for
@@ -144,7 +147,7 @@ def _posterior(
     answer = _kept(asked, judged(subject, found)).answer
     values = drawn(subject.case, found, many, stream_seed(seed, "gait simulators"))
     source = asked.registry.latest("neighbours", asked.recording.id).id
-    made = _made(asked, values[1:], POSTERIOR)
+    made = _made(asked, values[1:], POSTERIOR, queried(asked, "gait", subject.case.data.named))
     return Chosen(
         POSTERIOR, ("answer", *made.kinds), (*simulators_named(asked, [answer]), *made.simulators), source
     )
@@ -181,9 +184,11 @@ _MADE: dict[str, Callable[[Recorded, QuerySettings, int], Chosen]] = {
 }
 
 
-def _made(asked: Recorded, values: np.ndarray, kind: str) -> Chosen:
-    """Simulators with parameters (k, P), registered."""
-    robot, lineage = asked.robot, {"made_by": "gait", "kind": kind}
+def _made(
+    asked: Recorded, values: np.ndarray, kind: str, origin: Mapping[str, Any] = MappingProxyType({})
+) -> Chosen:
+    """Simulators with parameters (k, P), registered. origin : what of recordings shaped them; see `shaped.queried`."""
+    robot, lineage = asked.robot, {"made_by": "gait", "kind": kind} | origin
     configs = [SimConfig.of(robot, row) for row in values]
     ids = [asked.registry.put_simulator(c.as_dict() | {"lineage": lineage}) for c in configs]
     made = (Simulator(i, kind, lineage, c, robot) for i, c in zip(ids, configs, strict=True))

@@ -26,6 +26,7 @@ from dynreg.results.result import Cost, Estimate, Gain
 from dynreg.sim.config import SimConfig
 from dynreg.verbs.held_out import held_out_notes
 from dynreg.verbs.posteriors import posterior_told
+from dynreg.verbs.shaped import queried
 from dynreg.verbs.subjects import Recorded
 from dynreg.verbs.unscored import unscored_notes
 
@@ -169,9 +170,10 @@ def _simulator(subject: Subject, chosen: Choice, number: int) -> str:
     candidate, population = chosen.candidates[number], subject.case.population
     if candidate.entry is not None:
         return population.entries.ids[candidate.entry]
-    values = subject.case.data.values_of(chosen.replays.unit[number])
     lineage = {"population": population.id, "made_by": "query", "kind": candidate.kind}
-    config = SimConfig.of(subject.case.robot, values)
+    if number == chosen.made:
+        lineage |= queried(subject.asked, "query", subject.case.data.named)
+    config = SimConfig.of(subject.case.robot, subject.case.data.values_of(chosen.replays.unit[number]))
     return subject.asked.registry.put_simulator(config.as_dict() | {"lineage": lineage})
 
 

@@ -14,6 +14,18 @@ from dynreg.verbs.simulator import WORDS, Document, Simulator
 
 if TYPE_CHECKING:
     from dynreg.registry import Registry
+    from dynreg.verbs.subjects import Recorded
+
+
+def origin_of(asked: "Recorded", made_by: str) -> dict[str, Any]:
+    """What the lineage of a simulator says that a verb made of recordings."""
+    origin: dict[str, Any] = {"made_by": made_by, "recording": asked.recording.id}
+    return origin | ({"recordings": [one.recording.id for one in asked.each]} if asked.each else {})
+
+
+def queried(asked: "Recorded", made_by: str, parts: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+    """The same of one that a query made, with the episodes of the `parts` that it was fitted to and chosen by."""
+    return origin_of(asked, made_by) | {"episodes": sorted(_fitted({"parts": parts}))}
 
 
 def shaped(registry: "Registry", found: Simulator, recording: str) -> frozenset[str] | None:

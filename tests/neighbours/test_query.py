@@ -10,6 +10,7 @@ import secret_servo
 from secret_servo import ENTRIES, TRAINING
 
 from dynreg import session
+from dynreg.data.names import episode_of
 from dynreg.data.recording import Episode, Recording
 from dynreg.errors import LogError, UsageError
 from dynreg.neighbours.spending import usual_budget
@@ -299,3 +300,15 @@ def test_what_the_log_tells_of_the_robot_is_not_searched(tmp_path, rate):
     assert found.low == found.value == found.high == pytest.approx(rate) and not found.at_bound
     rates = [n.parameters["command_rate"] for n in answer.neighbours]
     assert len(set(rates)) == 5, "the entries themselves are as they were registered"
+
+
+def test_a_synthesised_simulator_tells_which_episodes_shaped_it_wherever_it_is_taken(servos, asked, tmp_path):
+    """Its result alone told them, so in another registry they counted as held out."""
+    one = next(a for a in asked if a.answer.synthesised)
+    parts, made = one.answer.parts, one.answer.synthesised.simulator
+    fitted = {episode_of(name) for name in (*parts["fit"], *parts["select"])}
+    with session.open(tmp_path / "elsewhere") as elsewhere:
+        recording = elsewhere.ingest(one.recording, "servo_pendulum", name="log")
+        taken = elsewhere.registry.put_simulator(servos.registry.simulator(made))
+        rollouts = elsewhere.compare(recording, simulators=["nominal", taken]).rollouts
+    assert {*rollouts.left_out} == fitted and not fitted & {*rollouts.episodes}

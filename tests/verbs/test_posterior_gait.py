@@ -9,6 +9,7 @@ import pytest
 from secret_servo import TRAINING
 
 from dynreg import session
+from dynreg.data.names import episode_of
 from dynreg.errors import NoMatchError
 from dynreg.gait.had import Had
 from dynreg.gait.near import DOUBT as NEAR
@@ -80,7 +81,10 @@ def test_it_is_sought_in_the_answer_and_draws_about_it(found: Gait, opened: Sess
     assert found.trials[0].simulator == answer.document["answer"] and found.shown == 0
     assert "on average in 6 simulators" in found.brief()
     lineage = opened.registry.simulator(found.trials[1].simulator)["lineage"]
-    assert lineage == {"made_by": "gait", "kind": "posterior"}
+    parts = answer.document["parts"]
+    fitted = sorted({episode_of(name) for name in (*parts["fit"], *parts["select"])})
+    shaped = {"recording": opened.recording("log").id, "episodes": fitted}
+    assert lineage == {"made_by": "gait", "kind": "posterior"} | shaped and fitted
 
 
 def test_the_same_seed_finds_the_same_and_another_draws_others(
