@@ -82,6 +82,13 @@ def test_drift_answers_in_json_and_in_tables(dynreg, asked) -> None:
     assert "record left +0.19, right +0.19 m/s" in ended.out and "monday has none of these" in ended.out
 
 
+def test_a_step_repeats_the_registry_that_was_asked(dynreg, asked) -> None:
+    """Typed as shown it asked the usual registry, or none."""
+    ended = dynreg("drift", "friday", "--registry", "else where")
+    step = " ".join(ended.out.split()).split("dynreg drift friday --against monday --out")[1]
+    assert "--registry 'else where'" in step.split(" next: ")[0]
+
+
 def test_two_logs_may_be_the_first_things_in_a_registry(dynreg, asked) -> None:
     Path("monday.csv").write_text("")
     Path("friday.csv").write_text("")

@@ -67,6 +67,8 @@ def test_an_answer_that_held_out_data_do_not_show_to_be_better_is_not_recommende
         assert "Ask what all of them lack: dynreg diagnose bench_monday" in steps
         assert not any("export" in step for step in steps)
         assert refusal(unclear) is None, "the family fits"
+        lost = made_up_results.neighbours(fits=False).model_copy(update={"gain": unclear.gain})
+        assert sum("dynreg diagnose" in step for step in next_steps(lost)) == 1
 
 
 def test_without_an_interval_no_answer_is_recommended() -> None:
