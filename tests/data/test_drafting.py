@@ -70,6 +70,9 @@ COLUMNS = {
     "fl_hip/position": ("fl_hip/position", "state"),
     "vel_FL_hip": ("FL_hip/velocity", "state"),
     "dq_FL_hip": ("FL_hip/velocity", "state"),
+    "q_dot_FL_hip": ("FL_hip/velocity", "state"),
+    "FL_hip_theta_dot": ("FL_hip/velocity", "state"),
+    "FL_hip_qdot": ("FL_hip/velocity", "state"),
     "cmd_FL_hip": ("FL_hip/target", "action"),
     "action[FL_hip.pos]": ("FL_hip/target", "action"),
     "tau_cmd_FL_hip": ("FL_hip/torque", "action"),
@@ -245,3 +248,57 @@ def test_a_list_of_four_is_no_quaternion_by_its_length(tmp_path: Path):
     names += [f"cmd_orientation[{i}]" for i in range(4)]
     draft = draft_map(table(tmp_path, **{name: np.arange(5) for name in names}))
     assert not any("source" in s.keys and s.keys.get("angle") for s in draft.sources.values())
+
+
+@pytest.mark.parametrize(
+    ("logged", "flag"),
+    [
+        (("arm_pos", "arm_cmd"), None),
+        (("/arm/joint_states.position[arm]", "/arm/command.data"), None),
+        (("arm_pos", "arm_enabled"), "arm_enabled"),
+        (("arm_pos", "torque_enable"), "torque_enable"),
+    ],
+)
+def test_the_name_of_a_joint_is_neither_its_flag_nor_its_input(logged: tuple, flag: str | None, tmp_path: Path):
+    log = table(tmp_path, **{name: np.sin(np.arange(9.0)) for name in logged})
+    log = RawLog(log.path, log.sources, {"topics": ["/arm/joint_states", "/arm/command"]})
+    spec = spec_of(
+        ("arm/position", "rad", "state"),
+        ("arm/enabled", "1", "enable", True),
+        ("arm/push", "N", "input", True),
+    )
+    draft = draft_map(log, spec)
+    told = {name: source.keys["source"] for name, source in draft.sources.items()}
+    assert told == {"arm/position": logged[0]} | ({"arm/enabled": flag} if flag else {})
+    assert ("optional: nothing in the log looks like it [1]" in draft.text) is (flag is None)
+
+
+@pytest.mark.parametrize(
+    "topic", ["/joint_trajectory_controller/state", "/arm_controller/state", "/trajectory"]
+)
+@pytest.mark.parametrize(("told", "went"), [("desired", "actual"), ("reference", "feedback")])
+def test_a_controller_tells_target_measurement_and_error_in_one_topic(topic, told, went, tmp_path: Path):
+    """The error is neither; `output` is told in a topic of commands, but is not called so itself."""
+    fields = ("error", went, told, "output")
+    columns = {
+        f"{topic}.{field}.{what}[{i}]": np.sin(np.arange(9.0))
+        for field in fields
+        for what in ("positions", "velocities")
+        for i in range(2)
+    }
+    log = table(tmp_path, **columns)
+    log = RawLog(log.path, log.sources, {"topics": [topic]})
+    measured = [(f"{j}/{what}", UNITS[what], "state") for what in ("position", "velocity") for j in "ab"]
+    draft = draft_map(log, spec_of(*measured, *((f"{j}/target", "rad", "action") for j in "ab")))
+    for i, joint in enumerate("ab"):
+        sources = [draft.sources[f"{joint}/{what}"].keys["source"] for what in ("position", "velocity", "target")]
+        assert sources == [
+            f"{topic}.{field}[{i}]" for field in (f"{went}.positions", f"{went}.velocities", f"{told}.positions")
+        ]
+
+
+def test_an_acceleration_is_no_velocity(tmp_path: Path):
+    t = 0.01 * np.arange(50)
+    log = table(tmp_path, q_arm=np.sin(t), q_ddot_arm=-np.sin(t))
+    draft = draft_map(log, spec_of(("arm/position", "rad", "state"), ("arm/velocity", "rad/s", "state")))
+    assert draft.sources["arm/velocity"].keys["derivative_of"] == "arm/position"

@@ -134,16 +134,17 @@ def _number(offer: Offer) -> int:
 
 
 def by_words(offers: Sequence[Offer], channel: ChannelSpec) -> Source | None:
-    """A signal that is named like the channel, or like an input without a joint such as "supply"."""
+    """A signal that is named like the channel, or that says what an input is, such as "supply", or enable."""
     same = [(0, o) for o in offers if o.source == channel.name]
     if not same and channel.kind in ("input", "enable"):
-        wanted = {*words(channel.name)} | ({"enable", "enabled"} if channel.kind == "enable" else set())
-        like = {"voltage"} if KINDS.get(channel.unit) == "voltage" else set()
-        same = [
-            (strange(o.words), o)
-            for o in offers
-            if not o.command
-            and (wanted & {*o.words, *words(o.topic)} or like and quantity(o.words) in like)
-            and unit_of(o, channel) is not None
-        ]
+        same = [(strange(o.words), o) for o in offers if not o.command and _says(o, channel)]
     return best(same, channel)
+
+
+def _says(offer: Offer, channel: ChannelSpec) -> bool:
+    """Whether words say what an input or a flag is; its joint's name does not: all signals of the joint have that."""
+    if channel.kind == "enable":
+        return quantity(offer.words, offer.topic) == "enable"
+    wanted = {*words(quantity_of(channel.name) or channel.name)}
+    same = wanted <= {*offer.words, *words(offer.topic)}
+    return same or KINDS.get(channel.unit) == "voltage" == quantity(offer.words)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from dynreg.data.series import RawLog, Series
 from dynreg.data.units import UNITS
-from dynreg.data.words import COMMANDS, words
+from dynreg.data.words import COMMANDS, MEASURED, words
 
 _BRACKETS = re.compile(r"(.+?)\s*[\[(]([^\[\]()]+)[\])]")
 
@@ -37,8 +37,17 @@ class Offer:
 
     @property
     def command(self) -> bool:
-        """Whether the name says that this is what was asked for, not what was measured."""
-        return not COMMANDS.isdisjoint((*words(self.topic), *words(self.path), *self.words))
+        """Whether the name says that this is what was asked for, not what was measured.
+
+        A controller tells both in one topic: where the path says that it was measured, the topic's words do not count.
+        """
+        told = () if not MEASURED.isdisjoint(words(self.path)) else words(self.topic)
+        return self.asked or not COMMANDS.isdisjoint(told)
+
+    @property
+    def asked(self) -> bool:
+        """Whether the name below its topic says so."""
+        return not COMMANDS.isdisjoint((*words(self.path), *self.words))
 
     @property
     def moves(self) -> bool:
