@@ -1,6 +1,7 @@
 """Which signal of a log is which channel of a joint: by the joint's name, by place in a list, by what it measures."""
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from dynreg.data.drafting.offers import Offer
@@ -74,6 +75,26 @@ def _named(offer: Offer, joint: str) -> tuple[str, ...] | None:
         inside = without(words(offer.topic), part)
         rest = None if inside is None else (*offer.words, *inside)
     return rest
+
+
+def unread(
+    offers: Sequence[Offer], chosen: Mapping[str, Offer], also: Mapping[str, str]
+) -> dict[str, str]:
+    """{channel: what its column has in brackets} where that is no unit, no index and no name of its joint.
+
+    Of columns that differ in their brackets alone, what these hold are names.
+    """
+    alike = Counter(offer.group for offer in offers)
+    return {
+        name: offer.item
+        for name, offer in chosen.items()
+        if alike[offer.group] == 1
+        and not (offer.topic or offer.item.isdigit() or not offer.item)
+        and all(
+            without(core(joint), core(offer.item)) is None and without(core(offer.item), core(joint)) is None
+            for joint in {joint_of(name), also.get(joint_of(name), joint_of(name))}
+        )
+    }
 
 
 def of_joint(owned: Owned, channel: ChannelSpec, *notes: str) -> Source | None:

@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass, replace
 
 from dynreg.data.series import RawLog, Series
-from dynreg.data.units import UNITS
+from dynreg.data.units import unit_called
 from dynreg.data.words import COMMANDS, MEASURED, words
 
 _BRACKETS = re.compile(r"(.+?)\s*[\[(]([^\[\]()]+)[\])]")
@@ -81,5 +81,5 @@ def _in_brackets(log: RawLog) -> dict[str, tuple[str, str]]:
     """
     columns = [name for name in log.sources if not log.topic_of(name)]
     found = {name: told.groups() for name in columns if (told := _BRACKETS.fullmatch(name))}
-    lists = {path for path, item in found.values() if item not in UNITS or item.isdigit()}
-    return {name: (path, item) for name, (path, item) in found.items() if path not in lists}
+    lists = {path for path, item in found.values() if unit_called(item) is None or item.isdigit()}
+    return {name: (path, unit_called(item)) for name, (path, item) in found.items() if path not in lists}
