@@ -222,7 +222,9 @@ WRITTEN = {"°": "deg", "Deg": "deg", "degrees": "deg", "radians": "rad", "mrad"
 
 
 @pytest.mark.parametrize("unit", [*WRITTEN, "ticks"])
-def test_brackets_are_read_as_headers_write_units_and_what_is_not_known_is_a_comment(unit: str, tmp_path: Path):
+def test_brackets_are_read_as_headers_write_units_and_what_is_not_known_is_a_comment(
+    unit: str, tmp_path: Path
+):
     joints = ("elbow", "wrist")
     log = table(tmp_path, **{f"{joint} position [{unit}]": np.sin(np.arange(9.0)) for joint in joints})
     spec = spec_of(*((f"{joint}/position", "rad", "state") for joint in joints))
@@ -319,7 +321,9 @@ def test_a_list_of_four_is_no_quaternion_by_its_length(tmp_path: Path):
         (("arm_pos", "torque_enable"), "torque_enable"),
     ],
 )
-def test_the_name_of_a_joint_is_neither_its_flag_nor_its_input(logged: tuple, flag: str | None, tmp_path: Path):
+def test_the_name_of_a_joint_is_neither_its_flag_nor_its_input(
+    logged: tuple, flag: str | None, tmp_path: Path
+):
     log = table(tmp_path, **{name: np.sin(np.arange(9.0)) for name in logged})
     log = RawLog(log.path, log.sources, {"topics": ["/arm/joint_states", "/arm/command"]})
     spec = spec_of(
@@ -351,9 +355,12 @@ def test_a_controller_tells_target_measurement_and_error_in_one_topic(topic, tol
     measured = [(f"{j}/{what}", UNITS[what], "state") for what in ("position", "velocity") for j in "ab"]
     draft = draft_map(log, spec_of(*measured, *((f"{j}/target", "rad", "action") for j in "ab")))
     for i, joint in enumerate("ab"):
-        sources = [draft.sources[f"{joint}/{what}"].keys["source"] for what in ("position", "velocity", "target")]
+        sources = [
+            draft.sources[f"{joint}/{what}"].keys["source"] for what in ("position", "velocity", "target")
+        ]
         assert sources == [
-            f"{topic}.{field}[{i}]" for field in (f"{went}.positions", f"{went}.velocities", f"{told}.positions")
+            f"{topic}.{field}[{i}]"
+            for field in (f"{went}.positions", f"{went}.velocities", f"{told}.positions")
         ]
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from dynreg.data.drafting.offers import Offer
 from dynreg.data.drafting.source import Source, best
-from dynreg.data.drafting.units import KINDS, unit_of
+from dynreg.data.drafting.units import KINDS
 from dynreg.data.names import joint_of, parts_of, quantity_of
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.words import core, quantity, strange, without, words
@@ -77,9 +77,7 @@ def _named(offer: Offer, joint: str) -> tuple[str, ...] | None:
     return rest
 
 
-def unread(
-    offers: Sequence[Offer], chosen: Mapping[str, Offer], also: Mapping[str, str]
-) -> dict[str, str]:
+def unread(offers: Sequence[Offer], chosen: Mapping[str, Offer], also: Mapping[str, str]) -> dict[str, str]:
     """{channel: what its column has in brackets} where that is no unit, no index and no name of its joint.
 
     Of columns that differ in their brackets alone, what these hold are names.

@@ -50,6 +50,11 @@ class Offer:
         return not COMMANDS.isdisjoint((*words(self.path), *self.words))
 
     @property
+    def header(self) -> bool:
+        """Whether it is of a message's header: a stamp or a number of the message, nothing that a robot does."""
+        return ".header." in self.source
+
+    @property
     def moves(self) -> bool:
         """Whether the signal ever changes."""
         values = self.series.values

@@ -37,7 +37,8 @@ def best(rated: Sequence[tuple[int, Offer]], channel: ChannelSpec, *notes: str) 
         return None
     least = min(cost for cost, _ in fitting)
     chosen, *others = sorted(
-        (o for c, o in fitting if c == least), key=lambda o: (not o.moves, o.command and not o.asked, len(o.group))
+        (o for c, o in fitting if c == least),
+        key=lambda o: (not o.moves, o.command and not o.asked, len(o.group)),
     )
     told = [*notes]
     measured = channel.kind == "action" and not chosen.command

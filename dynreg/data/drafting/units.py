@@ -16,7 +16,9 @@ from dynreg.errors import MapError
 
 FILTER_HZ = 20.0  # cut-off of a derivative's filter
 FILTER_SHARE = 0.2  # its most, as a share of the sampling rate
-APART = 20.0  # times as far as another angle of its joint that one goes in deg, the other in rad: 57 times if it follows
+APART = (
+    20.0  # times as far as another angle of its joint: one is in deg, the other in rad, which differ by 57
+)
 BEYOND_LIMITS = "reaches {:.4g}, far beyond the joint's limits in rad: taken for degrees"
 AS_OTHERS = "other angles of the log are in degrees: taken for degrees too, check it"
 KINDS = {  # of a unit, what it measures
