@@ -19,7 +19,7 @@ COMMANDS = frozenset(
     "cmd cmds command commands commanded target targets goal goals desired des ref reference setpoint action actions "
     "trajectory ctrl control".split()
 )
-MEASURED = frozenset("meas measured actual feedback state states".split())
+MEASURED = frozenset("meas measured actual present feedback state states".split())
 UNIT_WORDS = {
     "deg": {"position": "deg", "velocity": "deg/s"},
     "degrees": {"position": "deg", "velocity": "deg/s"},
@@ -30,7 +30,7 @@ UNIT_WORDS = {
     "ma": {"current": "mA"},
 }
 _NEUTRAL = MEASURED | frozenset(
-    "joint joints present sensor sensors observation obs data point points robot encoder controller pt rad s m nm n v "
+    "joint joints sensor sensors observation obs data point points robot encoder controller pt rad s m nm n v "
     "a servo".split()
 )
 _JOINT_WORDS = frozenset(("joint", "joints", "motor", "servo", "link", "actuator"))

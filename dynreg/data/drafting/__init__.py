@@ -59,11 +59,12 @@ def _sources(offers: tuple[Offer, ...], spec: RecordingSpec, also: Mapping[str, 
     signals = {o.source: o for o in offers}
     chosen = {name: signals[s.keys["source"]] for name, s in out.items() if "unit" in s.keys}
     units = {name: str(out[name].keys["unit"]) for name in chosen}
-    for name, item in unread(offers, chosen, also).items():
-        note = f"[{item}] is no unit that is known: taken for {units[name]}, correct `unit` or set `scale`"
-        out[name] = out[name].told(note)
     for name, (unit, why) in degrees(chosen, units, spec.channels).items():
         out[name] = out[name].told(*([why] if why else []), unit=unit)
+    for name, item in unread(offers, chosen, also).items():
+        unit = out[name].keys["unit"]
+        note = f"[{item}] is no unit that is known: taken for {unit}, correct `unit` or set `scale`"
+        out[name] = out[name].told(note)
     return {**out, **_rates(chosen, spec, out)}
 
 
