@@ -22,6 +22,7 @@ from dynreg.data.readers.merge import side_by_side
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.data.resample import check_span, resample
 from dynreg.data.schema import RecordingSpec
+from dynreg.data.senders import clocked, shared, signals_of
 from dynreg.data.series import Finding, RawLog
 from dynreg.data.words import steady
 from dynreg.errors import CheckError, DynregError, LogError, MapError
@@ -190,10 +191,13 @@ def examine(path: str | Path, log_map: LogMap | None = None) -> tuple[RawLog | N
         log = read_log(path, _options(log_map)).stamped()
     except DynregError as error:
         return None, (_finding(error, [path]),)
-    findings = [*log.findings]
+    signals = signals_of(log)
+    findings = [*log.findings, *shared(log, signals)]
     for part in episodes_of(log):
-        findings += check_clocks(part.sources, part.path.name, _gap(log_map))
-    for name, series in log.sources.items():
+        told = {name: part.sources[name] for name in clocked(signals)}
+        findings += check_clocks(told, part.path.name, _gap(log_map))
+    for name in (signal.source for signal in signals):
+        series = log.sources[name]
         findings += check_numbers(series, f"{path.name}, {name}")
         if log.metadata.get("episode_column") is None and steady(name):
             table = f"under the channel that has source = {json.dumps(name)}"

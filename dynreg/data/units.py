@@ -65,6 +65,32 @@ UNITS = MappingProxyType(
     }
 )
 
+# as headers write units: as maps do
+CALLED = MappingProxyType(
+    {
+        **{name: "deg" for name in ("°", "º", "degree", "degrees", "Deg", "DEG")},
+        **{name: "deg/s" for name in ("°/s", "º/s", "degree/s", "degrees/s", "Deg/s", "DEG/s", "dps")},
+        **{name: "deg/s^2" for name in ("°/s^2", "°/s²", "º/s²", "degrees/s^2", "deg/s2", "deg/s²")},
+        **{name: "rad" for name in ("radian", "radians", "Rad", "RAD")},
+        **{name: "rad/s" for name in ("radian/s", "radians/s", "Rad/s", "RAD/s")},
+        **{name: "rad/s^2" for name in ("rad/s2", "rad/s²")},
+        **{name: "m/s^2" for name in ("m/s2", "m/s²")},
+        **{name: "N*m" for name in ("N.m", "N·m", "N m")},
+        **{name: "mN*m" for name in ("mNm", "mN.m", "mN·m", "mN m")},
+        **{name: "degC" for name in ("°C", "ºC")},
+        **{name: "rpm" for name in ("RPM", "1/min", "rev/min")},
+    }
+)
+
+
+def unit_called(name: str) -> str | None:
+    """The unit of a map that a header calls so; None for what is no unit.
+
+    >>> unit_called("°/s"), unit_called("mNm"), unit_called("V"), unit_called("elbow")
+    ('deg/s', 'mN*m', 'V', None)
+    """
+    return name if name in UNITS else CALLED.get(name)
+
 
 def conversion(unit: str, to: str) -> tuple[float, float]:
     """Factor and offset that take a value in `unit` to the unit `to`.

@@ -5,19 +5,21 @@ from collections.abc import Sequence
 
 QUANTITIES = {
     "position": "position positions pos q qpos angle angles theta",
-    "velocity": "velocity velocities vel qd dq qvel speed omega",
+    "velocity": "velocity velocities vel qd dq qvel dot qdot thetadot speed omega",
     "torque": "torque torques trq tau effort efforts force",
     "voltage": "voltage volts volt",
     "duty": "duty pwm",
     "current": "current currents amps",
     "enable": "enable enabled",
-    "acceleration": "acceleration acc qdd ddq",
-    "error": "error err temperature temp",
+    "acceleration": "acceleration acc qdd ddq ddot qddot thetaddot",
+    "temperature": "temperature temp",
+    "error": "error err",
 }
 COMMANDS = frozenset(
     "cmd cmds command commands commanded target targets goal goals desired des ref reference setpoint action actions "
     "trajectory ctrl control".split()
 )
+MEASURED = frozenset("meas measured actual present feedback state states".split())
 UNIT_WORDS = {
     "deg": {"position": "deg", "velocity": "deg/s"},
     "degrees": {"position": "deg", "velocity": "deg/s"},
@@ -27,9 +29,9 @@ UNIT_WORDS = {
     "mv": {"voltage": "mV"},
     "ma": {"current": "mA"},
 }
-_NEUTRAL = frozenset(
-    "joint joints state states meas measured actual present sensor sensors observation obs data point points robot "
-    "encoder controller pt rad s m nm n v a servo".split()
+_NEUTRAL = MEASURED | frozenset(
+    "joint joints sensor sensors observation obs data point points robot encoder controller pt rad s m nm n v "
+    "a servo".split()
 )
 _JOINT_WORDS = frozenset(("joint", "joints", "motor", "servo", "link", "actuator"))
 _QUANTITY_OF = {word: quantity for quantity, words in QUANTITIES.items() for word in words.split()}
@@ -58,14 +60,20 @@ def _parts(text: str) -> list[str]:
 
 
 def quantity(told: Sequence[str], topic: str = "") -> str | None:
-    """What words say is measured or commanded; those of the topic tell where the others do not."""
+    """What words say is measured or commanded; those of the topic tell where the others do not.
+
+    It is the last that they say, but the error of a position is an error wherever it is called so.
+
+    >>> quantity(("theta", "dot")), quantity(("error", "positions"))
+    ('velocity', 'error')
+    """
     found = [_QUANTITY_OF[word] for word in told if word in _QUANTITY_OF]
     found = found or [_QUANTITY_OF[word] for word in words(topic) if word in _QUANTITY_OF]
-    return found[-1] if found else None
+    return "error" if "error" in found else found[-1] if found else None
 
 
 def steady(name: str) -> bool:
-    """Whether a signal of that name is measured and moves on: commands jump, torques and velocities kick.
+    """Whether a signal of that name is measured and moves on: commands and errors jump, torques and velocities kick.
 
     >>> steady("pos_arm"), steady("cmd_arm"), steady("/imu.linear_acceleration.x")
     (True, False, False)
@@ -77,6 +85,7 @@ def steady(name: str) -> bool:
         "current",
         "acceleration",
         "duty",
+        "error",
     )
 
 

@@ -36,7 +36,8 @@ RARE = 5.0  # Hz: commands that come less often are held, and the robot's rate i
 
 @dataclass(frozen=True)
 class Heard:
-    """What a log tells. series : of the channels and actions that it holds, in their units, of its longest episode.
+    """What a log tells. series : of the channels and actions that it holds, in their units, of its longest episode, the
+    rows that have a number: a row of a table that joins several clocks has one of each signal's, or none.
 
     clock : how often the rows of a table come [Hz], whatever its columns are; None where that is not known.
     """
@@ -124,8 +125,9 @@ def heard(draft: Draft) -> Heard:
     if not draft.sources:
         return Heard({}, clock)
     episodes = raw_episodes(draft.log, draft.log_map, draft.spec)
-    longest = max(episodes, key=lambda e: max((len(s) for s in e.channels.values()), default=0))
-    return Heard({name: s for name, s in longest.channels.items() if np.isfinite(s.values).any()}, clock)
+    known = [{name: s.rows(np.isfinite(s.values)) for name, s in e.channels.items()} for e in episodes]
+    longest = max(known, key=lambda channels: max(map(len, channels.values()), default=0))
+    return Heard({name: s for name, s in longest.items() if len(s)}, clock)
 
 
 def require_clocks(told: Heard, log: RawLog) -> None:

@@ -117,6 +117,15 @@ def test_a_servo_that_is_held_or_has_settled_is_not_stuck(
     assert not [f for f in doctor(write_table(**swing), servo_spec) if f.check == "stuck"]
 
 
+def test_what_is_no_flag_is_refused(write_table: Callable, swing: Columns, servo_spec: RecordingSpec):
+    """A position taken for the flag would switch its drive off in every replay."""
+    swing["arm__enabled"] = 0.4 * np.sin(swing["time"])
+    (found,) = [f for f in doctor(write_table(**swing), servo_spec) if f.severity == "error"]
+    assert found.check == "units" and "a flag with values other than 0 and 1, such as" in found.message
+    swing["arm__enabled"] = np.where(swing["time"] < 1.0, np.nan, 1.0)
+    assert not [f for f in doctor(write_table(**swing), servo_spec) if f.severity == "error"]
+
+
 def test_no_spikes_in_what_real_signals_do(write_table: Callable):
     """Steps, ramps, coarse sensors, noise and oscillations at the fastest that can be sampled have none."""
     rng, t = np.random.default_rng(0), 0.01 * np.arange(2000)

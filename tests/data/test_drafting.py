@@ -70,6 +70,9 @@ COLUMNS = {
     "fl_hip/position": ("fl_hip/position", "state"),
     "vel_FL_hip": ("FL_hip/velocity", "state"),
     "dq_FL_hip": ("FL_hip/velocity", "state"),
+    "q_dot_FL_hip": ("FL_hip/velocity", "state"),
+    "FL_hip_theta_dot": ("FL_hip/velocity", "state"),
+    "FL_hip_qdot": ("FL_hip/velocity", "state"),
     "cmd_FL_hip": ("FL_hip/target", "action"),
     "action[FL_hip.pos]": ("FL_hip/target", "action"),
     "tau_cmd_FL_hip": ("FL_hip/torque", "action"),
@@ -172,6 +175,68 @@ def test_degrees_are_told_by_a_name_or_by_going_far_beyond_the_joints_limits(tmp
     assert "beyond the joint's limits in rad: taken for degrees" in draft_map(log, spec).text
 
 
+ARM_DEG = {
+    "arm_pos": lambda t: 90 * np.sin(t),
+    "leg_pos": lambda t: 3 * np.sin(t),
+    "leg_vel": lambda t: 3 * np.cos(t),
+    "cmd_leg": lambda t: 3.3 * np.sin(t),
+}
+TOLD_DEG = {"arm/position": "deg", "leg/position": "deg", "leg/velocity": "deg/s", "leg/target": "deg"}
+MIXED = {  # what is not so in a table in degrees: what is then told
+    "nothing": ({}, {}),
+    "no position": ({"leg_pos": None}, {"leg/position": None}),
+    "a velocity in rad/s": ({"leg_vel": lambda t: np.radians(3 * np.cos(t))}, {"leg/velocity": "rad/s"}),
+    "a position in rad": (
+        {
+            "leg_pos": lambda t: 0.4 * np.sin(t),
+            "leg_vel": lambda t: 0.4 * np.cos(t),
+            "cmd_leg": lambda t: 25 * np.sin(t),
+        },
+        {"leg/position": "rad", "leg/velocity": "rad/s"},
+    ),
+    "all but a glitch": (
+        {"arm_pos": lambda t: np.where(np.arange(len(t)) == 7, 4000.0, np.sin(t))},
+        dict.fromkeys(("leg/position", "leg/target"), "rad") | {"leg/velocity": "rad/s"},
+    ),
+}
+
+
+@pytest.mark.parametrize("what", MIXED)
+def test_one_angle_in_degrees_tells_of_the_others_of_its_table(what: str, tmp_path: Path):
+    """However little they move; but for what the same joint contradicts."""
+    changed, told = MIXED[what]
+    t = 0.01 * np.arange(400)
+    log = table(tmp_path, **{name: of(t) for name, of in (ARM_DEG | changed).items() if of is not None})
+    spec = spec_of(
+        ("arm/position", "rad", "state", True, -2.0, 2.0),
+        ("leg/position", "rad", "state", True, -2.0, 2.0),
+        ("leg/velocity", "rad/s", "state", True),
+        ("leg/target", "rad", "action"),
+    )
+    assert units_of(log, spec) == {n: unit for n, unit in (TOLD_DEG | told).items() if unit is not None}
+    guessed = "other angles of the log are in degrees: taken for degrees too, check it"
+    assert (guessed in draft_map(log, spec).text) is (what not in ("a position in rad", "all but a glitch"))
+
+
+WRITTEN = {"°": "deg", "Deg": "deg", "degrees": "deg", "radians": "rad", "mrad": "mrad"}
+
+
+@pytest.mark.parametrize("unit", [*WRITTEN, "ticks"])
+def test_brackets_are_read_as_headers_write_units_and_what_is_not_known_is_a_comment(
+    unit: str, tmp_path: Path
+):
+    joints = ("elbow", "wrist")
+    log = table(tmp_path, **{f"{joint} position [{unit}]": np.sin(np.arange(9.0)) for joint in joints})
+    spec = spec_of(*((f"{joint}/position", "rad", "state") for joint in joints))
+    assert {*units_of(log, spec).values()} == {WRITTEN.get(unit, "rad")}
+    doubted = f"# [{unit}] is no unit that is known: taken for rad" in draft_map(log, spec).text
+    assert doubted is (unit not in WRITTEN)
+    named = table(tmp_path, **{f"position[{joint}]": np.sin(np.arange(9.0)) for joint in joints})
+    one = table(tmp_path, **{"position[elbow_joint]": np.sin(np.arange(9.0))})
+    for log in (named, one):
+        assert "is no unit" not in draft_map(log, spec).text
+
+
 def test_a_wheel_and_a_heading_turn_for_ever_and_are_no_degrees(tmp_path: Path):
     t = 0.01 * np.arange(4000)
     log = table(tmp_path, wheel_pos=10 * t, wheel_vel=10 + 0 * t, base_yaw=t)
@@ -245,3 +310,71 @@ def test_a_list_of_four_is_no_quaternion_by_its_length(tmp_path: Path):
     names += [f"cmd_orientation[{i}]" for i in range(4)]
     draft = draft_map(table(tmp_path, **{name: np.arange(5) for name in names}))
     assert not any("source" in s.keys and s.keys.get("angle") for s in draft.sources.values())
+
+
+@pytest.mark.parametrize(
+    ("logged", "flag"),
+    [
+        (("arm_pos", "arm_cmd"), None),
+        (("/arm/joint_states.position[arm]", "/arm/command.data"), None),
+        (("arm_pos", "arm_enabled"), "arm_enabled"),
+        (("arm_pos", "torque_enable"), "torque_enable"),
+    ],
+)
+def test_the_name_of_a_joint_is_neither_its_flag_nor_its_input(
+    logged: tuple, flag: str | None, tmp_path: Path
+):
+    log = table(tmp_path, **{name: np.sin(np.arange(9.0)) for name in logged})
+    log = RawLog(log.path, log.sources, {"topics": ["/arm/joint_states", "/arm/command"]})
+    spec = spec_of(
+        ("arm/position", "rad", "state"),
+        ("arm/enabled", "1", "enable", True),
+        ("arm/push", "N", "input", True),
+    )
+    draft = draft_map(log, spec)
+    told = {name: source.keys["source"] for name, source in draft.sources.items()}
+    assert told == {"arm/position": logged[0]} | ({"arm/enabled": flag} if flag else {})
+    assert ("optional: nothing in the log looks like it [1]" in draft.text) is (flag is None)
+
+
+@pytest.mark.parametrize(
+    "topic", ["/joint_trajectory_controller/state", "/arm_controller/state", "/trajectory"]
+)
+@pytest.mark.parametrize(("told", "went"), [("desired", "actual"), ("reference", "feedback")])
+def test_a_controller_tells_target_measurement_and_error_in_one_topic(topic, told, went, tmp_path: Path):
+    """The error is neither; `output` is told in a topic of commands, but is not called so itself."""
+    fields = ("error", went, told, "output")
+    columns = {
+        f"{topic}.{field}.{what}[{i}]": np.sin(np.arange(9.0))
+        for field in fields
+        for what in ("positions", "velocities")
+        for i in range(2)
+    }
+    log = table(tmp_path, **columns)
+    log = RawLog(log.path, log.sources, {"topics": [topic]})
+    measured = [(f"{j}/{what}", UNITS[what], "state") for what in ("position", "velocity") for j in "ab"]
+    draft = draft_map(log, spec_of(*measured, *((f"{j}/target", "rad", "action") for j in "ab")))
+    for i, joint in enumerate("ab"):
+        sources = [
+            draft.sources[f"{joint}/{what}"].keys["source"] for what in ("position", "velocity", "target")
+        ]
+        assert sources == [
+            f"{topic}.{field}[{i}]"
+            for field in (f"{went}.positions", f"{went}.velocities", f"{told}.positions")
+        ]
+
+
+def test_a_filter_is_that_of_the_numbers_not_of_the_rows(tmp_path: Path):
+    """A position at 20 Hz among commands at 100 Hz, with empty cells where the other has a number."""
+    t = 0.01 * np.arange(500)
+    positions = np.where(np.arange(500) % 5 == 0, np.sin(t), np.nan)
+    log = table(tmp_path, arm_pos=positions, arm_cmd=np.sin(t))
+    draft = draft_map(log, spec_of(("arm/position", "rad", "state"), ("arm/velocity", "rad/s", "state")))
+    assert draft.sources["arm/velocity"].keys["filter_hz"] == 4.0
+
+
+def test_an_acceleration_is_no_velocity(tmp_path: Path):
+    t = 0.01 * np.arange(50)
+    log = table(tmp_path, q_arm=np.sin(t), q_ddot_arm=-np.sin(t))
+    draft = draft_map(log, spec_of(("arm/position", "rad", "state"), ("arm/velocity", "rad/s", "state")))
+    assert draft.sources["arm/velocity"].keys["derivative_of"] == "arm/position"

@@ -11,6 +11,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Bag2
 from rosbags.typesys import Stores, get_typestore
 
+from dynreg.data.ingest import doctor
 from dynreg.data.readers import ReadOptions, format_of, read_log
 from dynreg.data.readers.messages import leaves
 from dynreg.errors import LogError
@@ -244,3 +245,21 @@ def test_a_topic_of_another_host_is_not_shifted_with_the_robots_clock(tmp_path: 
     log = read_log(tmp_path / "a.mcap")
     begins = [log.sources[f"/{name}.v"].time[0] for name in ("joint", "odom", "told")]
     assert begins == pytest.approx([0.0, 0.0, 0.0], abs=1e-6)
+
+
+@pytest.mark.parametrize("late", [0, 1])
+def test_two_drivers_on_one_topic_have_a_clock_each(late: int, tmp_path: Path):
+    """The gripper's stamps are older than the arm's; a clock that itself runs back is an error still."""
+    messages = []
+    for k in range(200):
+        stamp = START + (k - 3 * (k % 2)) * STEP - (late if k == 100 else 0) * 7 * STEP
+        told = {"header": {"seq": k // 2, "stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}}}
+        told |= {"name": ["gripper"] if k % 2 else ["elbow", "wrist"]}
+        messages.append(told | {"position": [np.sin(0.01 * k)] * len(told["name"])})
+    write_json_mcap(tmp_path / "j.mcap", messages, "/joint_states")
+    found = doctor(tmp_path / "j.mcap")
+    (said,) = [f for f in found if f.severity == "info"]
+    assert said.check == "clock" and said.where == "j.mcap, /joint_states"
+    assert "2 senders share it" in said.message and "[elbow, wrist] and [gripper]" in said.message
+    assert [f.check for f in found if f.severity != "info"] == ["clock"] * late
+    assert not any("header" in f.where or "position[0]" in f.where for f in found)

@@ -146,7 +146,7 @@ def test_targets_of_a_joint_are_not_scaled_by_its_gear(tmp_path, unit: str, fact
     log = logged(tmp_path, text, names, lambda t: (4.0 * np.sin(2 * t), 3.0 * np.sin(3 * t)))
     rows = pd.read_csv(log)
     rows["cmd_shoulder"] *= 0.1
-    rows[["pos_shoulder", "cmd_shoulder"]] *= factor
+    rows[["pos_shoulder", "cmd_shoulder", "pos_elbow"]] *= factor  # a table has its angles in one unit
     rows.to_csv(log, index=False)
     made = strangers.draft(tmp_path / "arm.xml", "arm", log=read_log(log))
     told = parse_map(made.files[made.map].decode())
@@ -170,6 +170,22 @@ def test_commands_that_change_seldom_do_not_slow_the_robot(tmp_path):
     sources |= {f"cmd_{joint}": Series(slow, 0.3 * np.sin(2 * slow)) for joint in ("shoulder", "elbow")}
     made = strangers.draft(tmp_path / "arm.xml", "arm", log=RawLog(tmp_path / "run.mcap", sources))
     assert made.robot.rate == 100.0
+
+
+def test_signals_of_several_clocks_in_one_table_are_heard_as_on_their_own(tmp_path):
+    """Positions at 100 Hz and targets at 50 Hz, joined into rows with empty cells: each tells its own rate."""
+    (tmp_path / "arm.xml").write_text(strangers.ARM.format(actuators=strangers.MOTOR))
+    fast, slow = np.arange(600) / 100.0, np.arange(300) / 50.0 + 0.003
+    time = np.sort(np.concatenate([fast, slow]))
+    sources = {}
+    for joint in ("shoulder", "elbow"):
+        went, told = 0.3 * np.sin(2 * time - 0.1), 0.3 * np.sin(2 * time)
+        sources[f"pos_{joint}"] = Series(time, np.where(np.isin(time, fast), went, np.nan))
+        sources[f"cmd_{joint}"] = Series(time, np.where(np.isin(time, slow), told, np.nan))
+    log = RawLog(tmp_path / "run.csv", sources, {"time_column": "time", "time_unit": "s"})
+    made = strangers.draft(tmp_path / "arm.xml", "arm", log=log)
+    assert made.robot.actions == ("shoulder/target", "elbow/target")
+    assert made.robot.rate == 50.0
 
 
 @pytest.mark.parametrize("clock", ["cmd_time", "other"])

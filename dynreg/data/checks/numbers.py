@@ -76,8 +76,11 @@ def check_range(
     if channel.unit == "rad" and not bounds and turned > TURNS:
         text = f"reaches {largest:.4g} rad, {largest / (2 * np.pi):.3g} turns: degrees?"
         yield Finding("warning", "units", where, text)
-    if channel.kind == "enable" and not np.all(np.isin(values, (0.0, 1.0))):
-        yield Finding("warning", "units", where, "a flag with values other than 0 and 1")
+    flags = np.isin(values, (0.0, 1.0))
+    if channel.kind == "enable" and not flags.all():
+        text = f"a flag with values other than 0 and 1, such as {values[np.argmin(flags)]:.4g}"
+        do = "correct its `source` in the map, or leave the channel out"
+        yield Finding("error", "units", where, f"{text}: {do}")
     if channel.kind in ("action", "state") and channel.low is not None and channel.high is not None:
         margin = LIMIT_MARGIN * (channel.high - channel.low)
         out = (values < channel.low - margin) | (values > channel.high + margin)

@@ -3,11 +3,11 @@
 from collections.abc import Mapping
 
 from dynreg.data.drafting.bases import of_base
-from dynreg.data.drafting.joints import by_index, by_words, called, joints_of, of_joint, owned
+from dynreg.data.drafting.joints import by_index, by_words, called, joints_of, of_joint, owned, unread
 from dynreg.data.drafting.offers import Offer, offers_of
 from dynreg.data.drafting.proposed import proposed
 from dynreg.data.drafting.source import Source
-from dynreg.data.drafting.units import cut_off, degrees, largest
+from dynreg.data.drafting.units import cut_off, degrees
 from dynreg.data.drafting.writing import Draft
 from dynreg.data.names import joint_of, quantity_of
 from dynreg.data.schema import RecordingSpec
@@ -59,9 +59,12 @@ def _sources(offers: tuple[Offer, ...], spec: RecordingSpec, also: Mapping[str, 
     signals = {o.source: o for o in offers}
     chosen = {name: signals[s.keys["source"]] for name, s in out.items() if "unit" in s.keys}
     units = {name: str(out[name].keys["unit"]) for name in chosen}
-    for name, unit in degrees(chosen, units, spec.channels).items():
-        note = f"reaches {largest(chosen[name].series):.4g}, far beyond the joint's limits in rad: taken for degrees"
-        out[name] = out[name].told(*([note] if unit == "deg" else []), unit=unit)
+    for name, (unit, why) in degrees(chosen, units, spec.channels).items():
+        out[name] = out[name].told(*([why] if why else []), unit=unit)
+    for name, item in unread(offers, chosen, also).items():
+        unit = out[name].keys["unit"]
+        note = f"[{item}] is no unit that is known: taken for {unit}, correct `unit` or set `scale`"
+        out[name] = out[name].told(note)
     return {**out, **_rates(chosen, spec, out)}
 
 

@@ -1,11 +1,12 @@
 """Which signal of a log is which channel of a joint: by the joint's name, by place in a list, by what it measures."""
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from dynreg.data.drafting.offers import Offer
 from dynreg.data.drafting.source import Source, best
-from dynreg.data.drafting.units import KINDS, unit_of
+from dynreg.data.drafting.units import KINDS
 from dynreg.data.names import joint_of, parts_of, quantity_of
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.words import core, quantity, strange, without, words
@@ -76,6 +77,24 @@ def _named(offer: Offer, joint: str) -> tuple[str, ...] | None:
     return rest
 
 
+def unread(offers: Sequence[Offer], chosen: Mapping[str, Offer], also: Mapping[str, str]) -> dict[str, str]:
+    """{channel: what its column has in brackets} where that is no unit, no index and no name of its joint.
+
+    Of columns that differ in their brackets alone, what these hold are names.
+    """
+    alike = Counter(offer.group for offer in offers)
+    return {
+        name: offer.item
+        for name, offer in chosen.items()
+        if alike[offer.group] == 1
+        and not (offer.topic or offer.item.isdigit() or not offer.item)
+        and all(
+            without(core(joint), core(offer.item)) is None and without(core(offer.item), core(joint)) is None
+            for joint in {joint_of(name), also.get(joint_of(name), joint_of(name))}
+        )
+    }
+
+
 def of_joint(owned: Owned, channel: ChannelSpec, *notes: str) -> Source | None:
     """The signal that names the channel's joint and measures, or commands, the same; with notes on it."""
     joint, what = parts_of(channel.name)
@@ -134,16 +153,17 @@ def _number(offer: Offer) -> int:
 
 
 def by_words(offers: Sequence[Offer], channel: ChannelSpec) -> Source | None:
-    """A signal that is named like the channel, or like an input without a joint such as "supply"."""
+    """A signal that is named like the channel, or that says what an input is, such as "supply", or enable."""
     same = [(0, o) for o in offers if o.source == channel.name]
     if not same and channel.kind in ("input", "enable"):
-        wanted = {*words(channel.name)} | ({"enable", "enabled"} if channel.kind == "enable" else set())
-        like = {"voltage"} if KINDS.get(channel.unit) == "voltage" else set()
-        same = [
-            (strange(o.words), o)
-            for o in offers
-            if not o.command
-            and (wanted & {*o.words, *words(o.topic)} or like and quantity(o.words) in like)
-            and unit_of(o, channel) is not None
-        ]
+        same = [(strange(o.words), o) for o in offers if not o.command and _says(o, channel)]
     return best(same, channel)
+
+
+def _says(offer: Offer, channel: ChannelSpec) -> bool:
+    """Whether words say what an input or a flag is; its joint's name does not: all signals of the joint have that."""
+    if channel.kind == "enable":
+        return quantity(offer.words, offer.topic) == "enable"
+    wanted = {*words(quantity_of(channel.name) or channel.name)}
+    same = wanted <= {*offer.words, *words(offer.topic)}
+    return same or KINDS.get(channel.unit) == "voltage" == quantity(offer.words)

@@ -4,8 +4,8 @@ import re
 from dataclasses import dataclass, replace
 
 from dynreg.data.series import RawLog, Series
-from dynreg.data.units import UNITS
-from dynreg.data.words import COMMANDS, words
+from dynreg.data.units import unit_called
+from dynreg.data.words import COMMANDS, MEASURED, words
 
 _BRACKETS = re.compile(r"(.+?)\s*[\[(]([^\[\]()]+)[\])]")
 
@@ -37,8 +37,22 @@ class Offer:
 
     @property
     def command(self) -> bool:
-        """Whether the name says that this is what was asked for, not what was measured."""
-        return not COMMANDS.isdisjoint((*words(self.topic), *words(self.path), *self.words))
+        """Whether the name says that this is what was asked for, not what was measured.
+
+        A controller tells both in one topic: where the path says that it was measured, the topic's words do not count.
+        """
+        told = () if not MEASURED.isdisjoint(words(self.path)) else words(self.topic)
+        return self.asked or not COMMANDS.isdisjoint(told)
+
+    @property
+    def asked(self) -> bool:
+        """Whether the name below its topic says so."""
+        return not COMMANDS.isdisjoint((*words(self.path), *self.words))
+
+    @property
+    def header(self) -> bool:
+        """Whether it is of a message's header: a stamp or a number of the message, nothing that a robot does."""
+        return ".header." in self.source
 
     @property
     def moves(self) -> bool:
@@ -72,5 +86,5 @@ def _in_brackets(log: RawLog) -> dict[str, tuple[str, str]]:
     """
     columns = [name for name in log.sources if not log.topic_of(name)]
     found = {name: told.groups() for name in columns if (told := _BRACKETS.fullmatch(name))}
-    lists = {path for path, item in found.values() if item not in UNITS or item.isdigit()}
-    return {name: (path, item) for name, (path, item) in found.items() if path not in lists}
+    lists = {path for path, item in found.values() if unit_called(item) is None or item.isdigit()}
+    return {name: (path, unit_called(item)) for name, (path, item) in found.items() if path not in lists}

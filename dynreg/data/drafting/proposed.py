@@ -26,7 +26,7 @@ def proposed(offers: Sequence[Offer], efforts: bool = False) -> RecordingSpec:
         if (
             (not joint and not efforts)
             or (told is None and not offer.command)
-            or told in ("acceleration", "error")
+            or told in ("acceleration", "temperature", "error")
         ):
             continue
         if offer.topic and not named:

@@ -28,12 +28,18 @@ class Source:
 
 
 def best(rated: Sequence[tuple[int, Offer]], channel: ChannelSpec, *notes: str) -> Source | None:
-    """The offer of the least cost whose unit fits; the others that cost as much are noted."""
+    """The offer of the least cost whose unit fits; the others that cost as much are noted.
+
+    Of commands one that is called so itself goes before what else a topic of commands holds.
+    """
     fitting = [(cost, offer) for cost, offer in rated if unit_of(offer, channel) is not None]
     if not fitting:
         return None
     least = min(cost for cost, _ in fitting)
-    chosen, *others = sorted((o for c, o in fitting if c == least), key=lambda o: (not o.moves, len(o.group)))
+    chosen, *others = sorted(
+        (o for c, o in fitting if c == least),
+        key=lambda o: (not o.moves, o.command and not o.asked, len(o.group)),
+    )
     told = [*notes]
     measured = channel.kind == "action" and not chosen.command
     if measured:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from dynreg.data.checks.motion import velocity_slope
-from dynreg.data.checks.numbers import BEYOND
+from dynreg.data.checks.numbers import BEYOND, GLITCHES
 from dynreg.data.drafting.offers import Offer
 from dynreg.data.names import joint_of, quantity_of
 from dynreg.data.schema import ChannelSpec
@@ -16,6 +16,11 @@ from dynreg.errors import MapError
 
 FILTER_HZ = 20.0  # cut-off of a derivative's filter
 FILTER_SHARE = 0.2  # its most, as a share of the sampling rate
+APART = (
+    20.0  # times as far as another angle of its joint: one is in deg, the other in rad, which differ by 57
+)
+BEYOND_LIMITS = "reaches {:.4g}, far beyond the joint's limits in rad: taken for degrees"
+AS_OTHERS = "other angles of the log are in degrees: taken for degrees too, check it"
 KINDS = {  # of a unit, what it measures
     "rad": "position",
     "m": "position",
@@ -42,11 +47,13 @@ def unit_of(offer: Offer, channel: ChannelSpec) -> str | None:
 
 def degrees(
     chosen: Mapping[str, Offer], units: Mapping[str, str], channels: Sequence[ChannelSpec]
-) -> dict[str, str]:
-    """{channel: "deg" or "deg/s"} of those whose numbers say that they are in degrees.
+) -> dict[str, tuple[str, str]]:
+    """{channel: "deg" or "deg/s", and why, which may be ""} of those whose numbers say that they are in degrees.
 
     An angle is taken for degrees where it goes far beyond the joint's limits, and a velocity where it is the rate of a
     position in degrees. What has no limits may turn for ever (a wheel, a heading), and ROS has angles in rad (REP 103).
+    Where one angle goes so far and is no glitch, the others of the table are in degrees too, however small: but for
+    what its own joint contradicts.
     chosen : {channel: offer} of the channels that have one. units : theirs.
     """
     reach = _reach(channels)
@@ -55,19 +62,37 @@ def degrees(
         for name, offer in chosen.items()
         if not offer.ros and offer.series.unit is None and units[name] in ("rad", "rad/s")
     }
-    far = {
-        name: "deg"
-        for name, series in doubted.items()
-        if units[name] == "rad" and largest(series) > BEYOND * reach.get(joint_of(name), np.inf)
-    }
-    told = {**units, **far}
+    angles = {name: series for name, series in doubted.items() if units[name] == "rad"}
+    most = {name: BEYOND * reach.get(joint_of(name), np.inf) for name in angles}
+    far = {name: largest(series) for name, series in angles.items() if largest(series) > most[name]}
+    whole = any(_usual(angles[name]) > most[name] for name in far)
+    out = {name: ("deg", BEYOND_LIMITS.format(size)) for name, size in far.items()}
+    for name, series in angles.items():
+        beside = max((size for other, size in far.items() if joint_of(other) == joint_of(name)), default=0.0)
+        if whole and name not in far and beside <= APART * largest(series):
+            out[name] = ("deg", AS_OTHERS)
+    told = {**units, **{name: unit for name, (unit, _) in out.items()}}
     for name, velocity in doubted.items():
         position = f"{joint_of(name)}/position"
-        if quantity_of(name) == "velocity" and told.get(position) == "deg":
-            slope = velocity_slope(chosen[position].series, velocity)
-            if slope is not None and 0.7 < slope < 1.4:
-                far[name] = "deg/s"
-    return far
+        if units[name] != "rad/s" or position in chosen and told.get(position) != "deg":
+            continue
+        slope = velocity_slope(chosen[position].series, velocity) if position in chosen else None
+        if slope is not None and _alike(slope):
+            out[name] = ("deg/s", "")
+        elif whole and not (slope is not None and _alike(np.degrees(slope))):
+            out[name] = ("deg/s", AS_OTHERS)
+    return out
+
+
+def _alike(slope: float) -> bool:
+    """Whether a velocity on the rate of its position is in the same unit."""
+    return 0.7 < slope < 1.4
+
+
+def _usual(series: Series) -> float:
+    """The largest size of a signal but for glitches; 0 where it holds no number."""
+    sizes = np.abs(series.values[np.isfinite(series.values)])
+    return float(np.quantile(sizes, 1.0 - GLITCHES)) if len(sizes) else 0.0
 
 
 def _reach(channels: Sequence[ChannelSpec]) -> dict[str, float]:
@@ -91,8 +116,8 @@ def largest(series: Series) -> float:
 
 
 def cut_off(series: Series) -> float | None:
-    """The cut-off [Hz] with which a signal is differentiated, by its rate; None where that is not known."""
-    steps = np.diff(series.time)
+    """The cut-off [Hz] with which a signal is differentiated, by the rate of its numbers; None where none is known."""
+    steps = np.diff(series.time[np.isfinite(series.values)])
     steps = steps[steps > 0]
     rate = 1.0 / float(np.median(steps)) if len(steps) else 0.0
     return float(f"{min(FILTER_HZ, FILTER_SHARE * rate):.3g}") if rate > 0 else None

@@ -105,7 +105,7 @@ def _unused(draft: Draft) -> list[str]:
         used |= {*names} if isinstance(names, list) else {names, *(f"{names}.{p}" for p in "wxyz")}
     groups: dict[str, list[str]] = {}
     for offer in offers_of(draft.log):
-        if offer.source not in used and ".header." not in offer.source:
+        if offer.source not in used and not offer.header:
             groups.setdefault(offer.topic or offer.source, []).append(offer.source)
     if not groups:
         return []
