@@ -16,9 +16,8 @@ from dynreg.errors import MapError
 
 FILTER_HZ = 20.0  # cut-off of a derivative's filter
 FILTER_SHARE = 0.2  # its most, as a share of the sampling rate
-APART = (
-    20.0  # times as far as another angle of its joint: one is in deg, the other in rad, which differ by 57
-)
+# Times that an angle in deg goes as far as one of the same joint in rad, at least: the units differ by 57.
+APART = 20.0
 BEYOND_LIMITS = "reaches {:.4g}, far beyond the joint's limits in rad: taken for degrees"
 AS_OTHERS = "other angles of the log are in degrees: taken for degrees too, check it"
 KINDS = {  # of a unit, what it measures
