@@ -145,8 +145,11 @@ def test_a_card_tells_of_the_last_command_of_each_kind(form: str, exported) -> N
 def test_an_mcap_card_tells_how_it_comes_back(exported) -> None:
     text = card_of(exported.folder / "mcap")
     assert "named by their number" in text and "has another id" in text
-    assert "takes every log as a measured recording, also one that was simulated" in text
-    assert "takes every log as a measured recording" in card_of(exported.folder / "csv")
+    assert "takes every log as a measured recording, also that of a simulated entry" in text
+
+
+def test_a_csv_card_tells_how_it_comes_back(exported) -> None:
+    assert "one that was simulated comes back with another id" in card_of(exported.folder / "csv")
 
 
 def test_the_head_of_a_parquet_card_names_its_tables(exported) -> None:

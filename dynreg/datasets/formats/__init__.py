@@ -73,7 +73,6 @@ _KEYS = ("entry", "number", "episode", "step", "time")  # those of `Dataset.to_a
 _NEXT = "The command in a row leads from its state to the state in the next row."
 _LAST = "A simulated episode ends with a state that no command follows:"
 _LOGGED = "A recording has the commands of its log in every row, also in the last."
-_MEASURED = "`dynreg ingest` takes every log as a measured recording, also one that was simulated: it then has another id."
 FORMATS: dict[str, Format] = {
     one.id: one
     for one in (
@@ -116,7 +115,7 @@ print(rows.groupby(["entry", "episode"]).size())
                 "What was not measured is nan, or empty.",
                 "Numbers have as many digits as they need to be read back exactly.",
                 "`dynreg ingest` reads the log of a recording alone, of a file whose name ends in .csv.",
-                _MEASURED,
+                "It takes every log as a measured recording, so one that was simulated comes back with another id.",
             ),
             alone="""\
 import pandas as pd
@@ -151,7 +150,7 @@ for file in sorted(place.glob("*.mcap")) if place.is_dir() else [place]:
                 "/episode tells where each begins.",
                 "`dynreg ingest FILE --map MAP` reads it back.",
                 "Episodes come back named by their number, so a recording that is ingested again has another id.",
-                _MEASURED,
+                "`dynreg ingest` takes every log as a measured recording, also that of a simulated entry.",
             ),
         ),
         Format(
