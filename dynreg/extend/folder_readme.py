@@ -156,7 +156,7 @@ def _means(one: Written, plain: str) -> str:
     if carries(one.term.effect) and not one.parameters:
         said += " It changes elements of the model that have no name: name them, and robot.toml can have it."
     if one.term.effect.id == "command_lag" and not one.in_mjcf:
-        said += " The model's actuators smooth their commands already, and MJCF has one filter for each."
+        said += " An actuator here smooths its commands already, and MJCF has one filter for each."
     if any(entry.startswith("port.sensor") for c in one.parameters for entry in c.sets):
         said += f" In {plain} the drives feel it, and `qpos` is the truth."
     if one.in_mjcf and one.term.effect.id == "command_delay":
