@@ -20,6 +20,7 @@ _OLD = "dynreg/recording/1"  # had episode, time and the channels alone
 _KEY = b"dynreg"
 _ABOUT = ("/episode", "/settings")  # topics of an MCAP file that tell of its episodes
 _PAUSE = 1.0  # [s] between episodes in an MCAP file
+_STAMP = 1e-9  # [s] of its stamps
 
 
 def to_table(recording: Recording) -> pa.Table:
@@ -199,8 +200,9 @@ def write_csv(recording: Recording, path: str | Path) -> None:
 def to_mcap(recording: Recording) -> bytes:
     """A log of JSON messages: the channel "arm/position" is the field `position` of topic "/arm".
 
-    Episodes lie as far apart as their times tell; one whose time begins anew follows after a pause of 1 s. "/episode"
-    tells where each begins, "/settings" its settings. A channel that would stand in one of these, or in the place of
+    Episodes lie as far apart as their times tell; one whose time begins anew follows after a pause of 1 s, and one that
+    begins before the last row of the one before it, a row later. "/episode" tells where each begins, "/settings" its
+    settings. A channel that would stand in one of these, or in the place of
     another channel, is in a topic with a "_" behind its name. `map_for` gives the map that reads it back (stamps are
     whole nanoseconds, and episodes are named by their number).
     """
@@ -212,7 +214,7 @@ def to_mcap(recording: Recording) -> bytes:
     writer.start(profile="", library="dynreg")
     schema = writer.register_schema("object", "jsonschema", b'{"type":"object"}')
     topics = {t: writer.register_channel(t, "json", schema) for t in (*_ABOUT, *groups)}
-    for number, (episode, start) in enumerate(zip(recording.episodes, recording.begins(_PAUSE), strict=True)):
+    for number, (episode, start) in enumerate(zip(recording.episodes, _starts(recording), strict=True)):
         base = start - episode.time[0]
 
         def send(topic: str, message: dict, time: float, base: float = base) -> None:
@@ -226,6 +228,19 @@ def to_mcap(recording: Recording) -> bytes:
                 send(topic, {f: row[i] for f, i in fields.items() if np.isfinite(row[i])}, time)
     writer.finish()
     return sink.getvalue()
+
+
+def _starts(recording: Recording) -> np.ndarray:
+    """(E,) [s] at which episodes begin in an MCAP file: each after the last row of the one before.
+
+    Two rows of one stamp are one row to a reader, so an episode that begins where another ends moves, and all behind
+    it.
+    """
+    begins, times = recording.begins(_PAUSE), [e.time for e in recording.episodes]
+    over = (begins + [time[-1] - time[0] for time in times])[:-1] - begins[1:]
+    rows = np.array([np.median(np.diff(time)) if len(time) > 1 else _PAUSE for time in times[:-1]])
+    begins[1:] += np.cumsum(np.where(over > -2 * _STAMP, over + rows, 0.0))
+    return begins
 
 
 def write_mcap(recording: Recording, path: str | Path) -> None:

@@ -8,7 +8,9 @@ import numpy as np
 
 from dynreg.data.units import suffix
 from dynreg.extend.carry import Carrier, carries
+from dynreg.extend.plain import held_for
 from dynreg.sim.effects import Term, unit_of
+from dynreg.sim.layout import layout_of
 from dynreg.sim.ports import Ports, servo_law
 from dynreg.sim.robot import Robot
 from dynreg.sim.sets import is_limit
@@ -71,13 +73,11 @@ def _about_mjcf(robot: Robot, ports: Ports, problem: str | None) -> list[str]:
     ]
     if problem:
         return [*lines, f"There is no `{plain}`: {problem}."]
-    rate = ports.control["rate"][0]
     known = [*robot.file.settings, *robot.file.inputs]
     constants = [f"{k.name} = {_number(k.nominal, k.unit)}" for k in known]
-    held = f", held for {1.0 / rate:g} s each" if rate else ""
     lines = [
-        f"**In plain MuJoCo open `{plain}`, not `{model}`.** It is the corrected model, drives and friction included;",
-        f"`ctrl` takes the commands{held}.",
+        f"**In plain MuJoCo open `{plain}`, not `{model}`.** It is the corrected model, drives and friction included.",
+        *_about_ctrl(robot, ports),
         *lines,
     ]
     if constants:
@@ -88,10 +88,28 @@ def _about_mjcf(robot: Robot, ports: Ports, problem: str | None) -> list[str]:
     return lines
 
 
+def _about_ctrl(robot: Robot, ports: Ports) -> list[str]:
+    """Which numbers of `ctrl` take the commands, for how long, and what the others keep."""
+    at = [int(number) for number in layout_of(robot).action_actuator]
+    held = held_for(ports)
+    each = ", ".join(f"`ctrl[{number}]` takes {name}" for number, name in zip(at, robot.actions, strict=True))
+    out = [f"{each}{f', held for {held:g} s each' if held else ''}."]
+    if at != [*range(len(at))]:
+        out.append(f"`data.ctrl[{at}] = commands` sets them in the order of `robot.toml`.")
+    others = [number for number in range(robot.model.nu) if number not in at]
+    if others:
+        named = [robot.model.actuator(number).name for number in others]
+        told = (f"`ctrl[{n}]`{f' ({name})' if name else ''}" for n, name in zip(others, named, strict=True))
+        key = robot.file.reset.keyframe
+        kept = "0" if key is None else f"the value of keyframe `{key}`"
+        out.append(f"No command sets {', '.join(told)}: keep {kept} there.")
+    return out
+
+
 def _unsaid(robot: Robot, ports: Ports) -> list[str]:
     """What the simulator's drives do and no MJCF says, with the joints.
 
-    It is torque that fades, profiles of targets, integral parts, and the largest step of a command.
+    It is torque that fades, profiles of targets, integral parts, and of commands the largest step, noise and clock.
     """
     fading = servo_law(ports, robot.input_defaults[None]).fade[0] > 0
     moving = is_limit(np.minimum(ports.drive["profile_speed"], ports.drive["profile_acceleration"])[0])
@@ -105,6 +123,11 @@ def _unsaid(robot: Robot, ports: Ports) -> list[str]:
     step = ports.control["max_step"][0]
     if np.isfinite(step):
         out.append(f"that a command moves by {step:.6g} at most from the one before (`max_step`)")
+    noise, clock = (float(ports.control[key][0]) for key in ("noise", "clock"))
+    if noise:
+        out.append(f"noise on each command, of standard deviation {noise:.6g} (`noise`)")
+    if clock != 1.0:
+        out.append(f"that a log of the robot counts 1 s in {clock:.6g} s (`clock`)")
     return out
 
 
@@ -132,12 +155,14 @@ def _means(one: Written, plain: str) -> str:
     said = " ".join((type(one.term.effect).__doc__ or one.term.effect.title).split())
     if carries(one.term.effect) and not one.parameters:
         said += " It changes elements of the model that have no name: name them, and robot.toml can have it."
+    if one.term.effect.id == "command_lag" and not one.in_mjcf:
+        said += " An actuator here smooths its commands already, and MJCF has one filter for each."
     if any(entry.startswith("port.sensor") for c in one.parameters for entry in c.sets):
         said += f" In {plain} the drives feel it, and `qpos` is the truth."
     if one.in_mjcf and one.term.effect.id == "command_delay":
         said += (
             f" In {plain} the commands before the first one are 0. To begin in a pose, tell each late actuator of it"
             " after a reset: `mujoco.mj_initCtrlHistory(model, data, ACTUATOR, None, np.full((SAMPLES, 1), POSE))`,"
-            " with SAMPLES = `model.actuator_history[ACTUATOR, 0]`."
+            " with ACTUATOR = its number in `ctrl` and SAMPLES = `model.actuator_history[ACTUATOR, 0]`."
         )
     return said

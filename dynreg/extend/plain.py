@@ -9,9 +9,9 @@ import numpy as np
 
 from dynreg.errors import RobotError
 from dynreg.extend.carry import Fields, carries
-from dynreg.sim.effects import Terms
+from dynreg.sim.effects import Term, Terms
 from dynreg.sim.layout import Layout, filters, layout_of
-from dynreg.sim.ports import ServoLaw, servo_law, takes_positions
+from dynreg.sim.ports import Ports, ServoLaw, servo_law, takes_positions
 from dynreg.sim.robot import Robot
 from dynreg.sim.sets import is_limit
 
@@ -24,18 +24,37 @@ IN_DRIVES = (
     "force_offset",
     "quadratic_drag",
 )  # effects on the move that MJCF can say
+Size = Callable[
+    [str, int], Any
+]  # (id of an effect, number of an action) -> its first value there; 0 without it
 
 
-def says(key: str) -> bool:
-    """Whether MJCF can say the effect with this id while the robot moves."""
-    return key in IN_DRIVES
+def says(robot: Robot, term: Term) -> bool:
+    """Whether MJCF can say what an effect does while the robot moves.
+
+    An actuator has one filter: where the model's own smooths the commands, there is none for a lag.
+    """
+    smoothed = set(filters(robot.model, layout_of(robot))[0]) if term.effect.id == "command_lag" else set()
+    return term.effect.id in IN_DRIVES and smoothed.isdisjoint(robot.drives_of(term.joints))
+
+
+def held_for(ports: Ports) -> float | None:
+    """[s] that the first of these simulators holds a command, in its own time; None where each command tells it."""
+    rate = float(ports.control["rate"][0])
+    return float(ports.control["clock"][0]) / rate if rate else None
+
+
+def step_of(robot: Robot, ports: Ports) -> float:
+    """[s] of a time step, as engines take it: a whole share of the time between commands."""
+    period = held_for(ports) or 1.0 / robot.rate
+    return float(period / robot.substeps(period))
 
 
 def write_mjcf(robot: Robot, values: np.ndarray, terms: Terms, path: Path) -> None:
     """Write the robot with parameters (P,) at nominal settings and inputs, and the effects that MJCF can say.
 
-    path : beside a copy of the robot's model and what that names. `ctrl` is the action vector, held between commands;
-    encoders read the truth.
+    path : beside a copy of the robot's model and what that names. `ctrl` is in the order of the model's actuators: that
+    of action `a` is `layout_of(robot).action_actuator[a]`. Commands are `held_for` a time; encoders read the truth.
     Raises RobotError where MuJoCo cannot express a change in the model's file.
     """
     if robot.planar:
@@ -48,17 +67,22 @@ def write_mjcf(robot: Robot, values: np.ndarray, terms: Terms, path: Path) -> No
     source = path.with_name(Path(robot.file.robot.model).name)
     spec = mujoco.MjSpec.from_file(str(source))
     fields = Fields.of(robot, values)
+    step = step_of(robot, fields.ports)
     still = [i for i, term in enumerate(terms.terms) if carries(term.effect)]
     fields.apply(Terms(tuple(terms.terms[i] for i in still), tuple(terms.values[i] for i in still)))
     law = servo_law(fields.ports, robot.input_defaults[None])
-    _shape_actuators(robot, spec, layout, law, terms)
-    write_drives(robot, fields, law, lambda key, action: _value(robot, terms, key, action))
+
+    def size(key: str, action: int) -> float:
+        return _value(robot, terms, key, action)
+
+    _shape_actuators(robot, spec, layout, law, size, step)
+    write_drives(robot, fields, law, size)
     model = spec.compile()
     _begin_at_keyframes(spec, model, layout, fields)
     for name, array in fields.changed.items():
         owner, field = (model.opt, name[4:]) if name.startswith("opt.") else (model, name)
         getattr(owner, field)[...] = array[0].reshape(np.shape(getattr(owner, field)))
-    model.opt.timestep, model.opt.integrator = _time_step(robot), robot.model.opt.integrator
+    model.opt.timestep, model.opt.integrator = step, robot.model.opt.integrator
     try:
         spec.copy_back(model)
     except ValueError as problem:
@@ -70,15 +94,16 @@ def write_mjcf(robot: Robot, values: np.ndarray, terms: Terms, path: Path) -> No
     path.write_text(spec.to_xml(), encoding="utf-8")
 
 
-def _shape_actuators(robot: Robot, spec: mujoco.MjSpec, layout: Layout, law: ServoLaw, terms: Terms) -> None:
+def _shape_actuators(
+    robot: Robot, spec: mujoco.MjSpec, layout: Layout, law: ServoLaw, size: Size, step: float
+) -> None:
     """Make the drives' actuators affine servos with limits, late and smoothed where effects make them so."""
-    step = _time_step(robot)
     for a, actuator in enumerate(layout.action_actuator):
         one = spec.actuators[int(actuator)]
         one.gaintype, one.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
         one.forcelimited = int(is_limit(law.limit[0, a]))
         # what pushes whatever is commanded knows no limit of the drive: the ranges move along
-        push = _value(robot, terms, "force_offset", a)
+        push = size("force_offset", a)
         joint = spec.joint(robot.joints[a])
         joint.actfrcrange = joint.actfrcrange + push * (joint.actfrcrange[0] < joint.actfrcrange[1])
         one.forcerange = [push - law.limit[0, a], push + law.limit[0, a]]
@@ -86,7 +111,7 @@ def _shape_actuators(robot: Robot, spec: mujoco.MjSpec, layout: Layout, law: Ser
         one.ctrllimited = int(np.isfinite(low) or np.isfinite(high))
         if one.ctrllimited:  # MuJoCo knows no range with one end
             one.ctrlrange = np.clip([low, high], -LARGEST, LARGEST)
-        delay, lag = _value(robot, terms, "command_delay", a), _value(robot, terms, "command_lag", a)
+        delay, lag = size("command_delay", a), size("command_lag", a)
         if (
             lag
         ):  # late by half a time step: the force comes from the state before it, the effect's from its mean
@@ -106,11 +131,8 @@ def _begin_at_keyframes(spec: mujoco.MjSpec, model: mujoco.MjModel, layout: Layo
         key.act = model.key_act[number]
 
 
-def write_drives(robot: Robot, fields: Fields, law: ServoLaw, size: Callable[[str, int], Any]) -> None:
-    """Write the drives' law, friction and the effects on them that MJCF can say into the fields of one simulator.
-
-    size : the first value of an effect (its id) on an action (its number); 0 where that does not have it.
-    """
+def write_drives(robot: Robot, fields: Fields, law: ServoLaw, size: Size) -> None:
+    """Write the drives' law, friction and the effects on them that MJCF can say into the fields of one simulator."""
     layout, friction = layout_of(robot), fields.ports.friction
     at, dof, field = layout.action_actuator, layout.action_dof, lambda name: fields.expand(name)[0]
     more, push, drag, lag = (
@@ -135,17 +157,11 @@ def write_drives(robot: Robot, fields: Fields, law: ServoLaw, size: Callable[[st
 
 
 def _value(robot: Robot, terms: Terms, key: str, action: int) -> float:
-    """The first value of an effect on one drive; 0 where it does not have it."""
+    """The first value of an effect on one drive; 0 where it does not have it, or MJCF cannot say it."""
     owner = robot.joints[action]
     found = [
         float(values[0, 0])
         for term, values in zip(terms.terms, terms.values, strict=True)
-        if term.effect.id == key and (not term.joints or owner in term.joints)
+        if term.effect.id == key and (not term.joints or owner in term.joints) and says(robot, term)
     ]
     return sum(found)
-
-
-def _time_step(robot: Robot) -> float:
-    """[s] that the engines take: a whole share of the time between commands."""
-    period = 1.0 / robot.rate
-    return float(period / robot.substeps(period))

@@ -94,8 +94,8 @@ def _carried(robot: Robot, values: np.ndarray, terms: Terms, in_mjcf: bool) -> t
             name = next(n for n in chain([one.name], numbered) if n not in taken)
             made.append(replace(one, name=name))
             taken.add(name)
-        told = term.effect.acts_on != "sensor" and (carries(term.effect) or says(term.effect.id))
-        out.append(Written(term, rows[0], tuple(made), in_mjcf and told))
+        told = in_mjcf and term.effect.acts_on != "sensor" and (carries(term.effect) or says(robot, term))
+        out.append(Written(term, rows[0], tuple(made), told))
     return tuple(out)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from dynreg.extend.carry import Fields, carries
 from dynreg.extend.formula import Formula, Untold
 from dynreg.extend.plain import says, write_drives
-from dynreg.sim.effects import Site, Terms
+from dynreg.sim.effects import Site, Term, Terms
 from dynreg.sim.engines.acting import Acting, acting
 from dynreg.sim.fields import names_of
 from dynreg.sim.ports import nominal_ports, servo_law
@@ -113,7 +113,7 @@ def _effects(
         key = one.key
         names = {name: f"{key}.{name}" for name in one.values}
         symbols = {k: Formula.of(n, ranges) if n in ranges else one.values[k][0, 0] for k, n in names.items()}
-        if says(one.effect.id) and not robot.planar:
+        if not robot.planar and says(robot, Term(one.effect, one.at)):
             first = next(iter(symbols.values()))
             for action in one.joints:
                 moving[one.effect.id, int(action)] = moving.get((one.effect.id, int(action)), 0.0) + first

@@ -34,10 +34,12 @@ def largest_steps(robot: Robot, run: Run) -> np.ndarray:
 
 
 def cautions(robot: Robot, limits: Limits, run: Run, reached: np.ndarray) -> Iterator[str]:
-    """Sentences about what no limit bounds: commands, their steps, drives that let go, how far joints and bases go.
+    """Sentences about what no limit bounds: collisions, commands, their steps, drives that let go, how far all goes.
 
     reached : (E, 2, S) lowest and highest states to expect.
     """
+    if not robot.planar:
+        yield _unchecked(robot)
     tables, moved = robot.file.actions, (run.actions != reset_pose(robot)).any(axis=(0, 1))
     unbounded = moved & ~(np.isfinite(limits.low) & np.isfinite(limits.high))
     if unbounded.any():
@@ -51,6 +53,12 @@ def cautions(robot: Robot, limits: Limits, run: Run, reached: np.ndarray) -> Ite
         yield f"the patterns of {tables[a].name} go about {where}, because it rests near an end"
     yield from _dropped(robot, run)
     yield from _travel(robot, reached)
+
+
+def _unchecked(robot: Robot) -> str:
+    """That links may hit each other: few models have contacts between links, and `robots init` turns them off."""
+    slowly = "play the commands slowly first, with" if targets(robot).all() else "keep"
+    return f"collisions of links with each other and their surroundings are not checked: {slowly} a hand at the stop"
 
 
 def _dropped(robot: Robot, run: Run) -> Iterator[str]:

@@ -10,7 +10,9 @@ from dynreg.evidence.estimate import free_quantities
 from dynreg.evidence.gaussian import Gaussian, coordinates
 from dynreg.evidence.hypothesis import Coordinates, Hypothesis
 from dynreg.evidence.interval import NORMAL_90
+from dynreg.extend.carry import Fields
 from dynreg.extend.folder_readme import plain_name
+from dynreg.extend.plain import step_of
 from dynreg.extend.ranges import Carried, Fixed, Open, Quantity, partners, reached, uniform
 from dynreg.extend.traced import ENGINE, MODEL, Traced, traced
 from dynreg.results.diagnosis import Diagnosis
@@ -247,12 +249,12 @@ def _model(robot: Robot, found: Simulator) -> dict[str, object]:
     """The model to which the assignments belong."""
     if robot.planar:
         return {"problem": f"MuJoCo does not move the robot: its engine is {robot.running()}"}
-    rate = robot.file.robot.control_rate
-    period = None if rate is None else 1.0 / rate
+    ports = Fields.of(robot, robot.space.from_dict(dict(found.config.values))).ports
+    timed = robot.file.robot.control_rate is None
     return {
         "file": plain_name(robot),
         "made_by": command("export", found.id[:12], "--as", "robot", "--to", "FOLDER"),
-        "control_rate": rate,
-        "timestep": None if period is None else float(period / robot.substeps(period)),
+        "control_rate": None if timed else float(ports.control["rate"][0]),
+        "timestep": None if timed else step_of(robot, ports),
         "settings": tuple(f"{s.name} = {s.nominal:g}{suffix(s.unit)}" for s in robot.file.settings),
     }

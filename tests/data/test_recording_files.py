@@ -1,5 +1,6 @@
 """Recordings come back from their files as they were."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -99,6 +100,20 @@ def test_mcap_with_its_map(recording: Recording, spec: RecordingSpec, tmp_path: 
     write_mcap(recording, tmp_path / "r.mcap")
     # stamps are whole nanoseconds, so interpolation is off by at most the slope times 1 ns
     same(recording, read_recording(tmp_path / "r.mcap", spec, map_for(recording)), atol=1e-6)
+
+
+@pytest.mark.parametrize("apart", [0.49, 0.4895], ids=["touch", "overlap"])
+def test_episodes_that_touch_keep_all_their_rows_in_an_mcap_file(
+    apart: float, recording: Recording, spec: RecordingSpec, tmp_path: Path
+):
+    """One begins where the one before it ends, or within the tolerance of a clock before that."""
+    episodes = tuple(replace(e, time=e.time + k * apart) for k, e in enumerate(recording.episodes))
+    touching = replace(recording, episodes=episodes)
+    assert touching.begins() == pytest.approx([0.0, apart, 2 * apart])
+    write_mcap(touching, tmp_path / "r.mcap")
+    back = read_recording(tmp_path / "r.mcap", spec, map_for(touching))
+    same(touching, back, atol=1e-6)
+    assert back.begins() == pytest.approx([0.0, 0.5, 1.0], abs=1e-6)
 
 
 def test_names_that_would_meet_in_an_mcap_file_stay_apart(tmp_path: Path):

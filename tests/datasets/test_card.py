@@ -148,6 +148,10 @@ def test_an_mcap_card_tells_how_it_comes_back(exported) -> None:
     assert "takes every log as a measured recording, also that of a simulated entry" in text
 
 
+def test_a_csv_card_tells_how_it_comes_back(exported) -> None:
+    assert "one that was simulated comes back with another id" in card_of(exported.folder / "csv")
+
+
 def test_the_head_of_a_parquet_card_names_its_tables(exported) -> None:
     head = card_of(exported.folder / "parquet").split("---\n")[1]
     assert '- config_name: rows\n  data_files: "data/*.parquet"\n  default: true\n' in head

@@ -13,6 +13,7 @@ from dynreg.errors import UsageError
 from dynreg.evidence.hypothesis import Coordinates
 from dynreg.extend.carry import carries
 from dynreg.extend.robot_folder import export_robot
+from dynreg.extend.traced import ENGINE, traced
 from dynreg.sim.config import SimConfig, terms_of
 from dynreg.sim.effects import applicable, term
 from dynreg.sim.engines import rollout
@@ -260,6 +261,58 @@ def test_mujoco_alone_steps_as_robot_toml_says(tmp_path: Path) -> None:
         assert same == (path.name == "mujoco.xml")
 
 
+def test_the_readme_says_which_ctrl_takes_a_command(tmp_path: Path) -> None:
+    """The model has its actuators in another order than robot.toml its actions, and one that no command sets."""
+    model, toml = _arm_of_two(tmp_path / "turned")
+    text = model.read_text().replace("<actuator>", '<actuator>\n    <general name="lift" tendon="both"/>')
+    both = '<tendon><fixed name="both"><joint joint="elbow" coef="1"/></fixed></tendon>\n  <actuator>'
+    model.write_text(text.replace("<actuator>", both))
+    first, second = (f'[[actions]]\nname = "{name}/target"' for name in ("shoulder", "elbow"))
+    told = toml.read_text().replace(first, "FIRST").replace(second, first).replace("FIRST", second)
+    toml.write_text(told)
+    robot = load_robot(tmp_path / "turned")
+    assert robot.actions == ("elbow/target", "shoulder/target")
+    export_robot(robot, config(robot), tmp_path / "taken")
+    readme = (tmp_path / "taken" / "README.md").read_text()
+    assert "`ctrl[2]` takes elbow/target, `ctrl[1]` takes shoulder/target, held for 0.01 s each." in readme
+    assert (
+        "`data.ctrl[[2, 1]] = commands`" in readme
+        and "No command sets `ctrl[0]` (lift): keep 0 there" in readme
+    )
+    plain = mujoco.MjModel.from_xml_path(str(tmp_path / "taken" / "mujoco.xml"))
+    assert [plain.actuator(number).name for number in (2, 1, 0)] == ["elbow", "shoulder", "lift"]
+
+
+def test_commands_in_the_order_of_the_models_actuators_need_no_second_line(tmp_path: Path) -> None:
+    robot = load_robot("two_joint_arm")
+    export_robot(robot, config(robot), tmp_path / "taken")
+    readme = (tmp_path / "taken" / "README.md").read_text()
+    assert "`ctrl[0]` takes shoulder/target, `ctrl[1]` takes elbow/target" in readme
+    assert "= commands" not in readme and "No command" not in readme
+
+
+def test_a_lag_before_a_drive_that_smooths_its_commands_is_not_in_the_mjcf(tmp_path: Path) -> None:
+    """MuJoCo's actuators have one filter: that of the model stays what it was."""
+    model, _ = _arm_of_two(tmp_path / "smooth")
+    text = model.read_text().replace(
+        'joint="elbow"/>\n  </act', 'joint="elbow" dyntype="filterexact" dynprm="0.05"/>\n  </act'
+    )
+    assert "filterexact" in text
+    model.write_text(text)
+    robot = load_robot(tmp_path / "smooth")
+    for at, there in (("", False), ("[elbow]", False), ("[shoulder]", True)):
+        made = config(robot, f"command_lag{at}")
+        folder = tmp_path / f"taken{at}"
+        (written,) = export_robot(robot, made, folder).effects
+        assert written.in_mjcf == there
+        smoothing = mujoco.MjModel.from_xml_path(str(folder / "mujoco.xml")).actuator_dynprm[:, 0]
+        assert smoothing[1] == pytest.approx(0.05)
+        readme = (folder / "README.md").read_text()
+        assert ("MJCF has one filter for each" in readme) == (not there)
+        does = traced(robot, robot.space.nominal, terms_of(made, robot), {})
+        assert ([where for _, where in does.held.values()] == [ENGINE]) == (not there)
+
+
 @pytest.mark.parametrize("key, share", [("command_lag", 0.2), ("quadratic_drag", 0.05)])
 def test_what_mujoco_steps_otherwise_is_most_of_the_effect(key: str, share: float, tmp_path: Path) -> None:
     robot = load_robot("servo_pendulum")
@@ -365,6 +418,31 @@ def test_the_readme_tells_of_the_simulator_and_not_of_the_robot_that_it_is_of(tm
     assert "held for 0.025 s each" in told and "a command moves by 0.25 at most" in told
 
 
+def test_mujoco_alone_steps_at_the_rate_of_the_simulator(tmp_path: Path) -> None:
+    """Its commands come at 40 Hz by a clock that is 2 % off, not at the 100 Hz of robot.toml; noise is told."""
+    source = tmp_path / "paced"
+    shutil.copytree(load_robot("servo_pendulum").folder, source)
+    with (source / "robot.toml").open("a") as file:
+        for name, unit, nominal in (("rate", "Hz", 100.0), ("clock", "1", 1.0), ("noise", "rad", 0.1)):
+            file.write(f'\n[[parameters]]\nname = "its_{name}"\nunit = "{unit}"\nnominal = {nominal}\n')
+            file.write(f'low = {0.1 * nominal}\nhigh = {2 * nominal}\nsets = ["control.{name} ="]\n')
+    robot = load_robot(source)
+    values = {"its_rate": 40.0, "its_clock": 1.02, "its_noise": 0.03}
+    made = SimConfig(robot.hash, robot.name, robot.space.as_dict(robot.space.nominal) | values)
+    export_robot(robot, made, tmp_path / "taken")
+    path, period = tmp_path / "taken" / "mujoco.xml", 1.02 / 40.0
+    count = period / mujoco.MjModel.from_xml_path(str(path)).opt.timestep
+    assert count == pytest.approx(round(count), abs=1e-4) and round(count) == robot.substeps(period)
+    run = replace(_from_rest(robot), period=None)
+    np.testing.assert_allclose(
+        _play(path, run, round(count)), states(robot, made, run, "mujoco")[..., 0], atol=DIGITS
+    )
+    told = (tmp_path / "taken" / "README.md").read_text()
+    assert "held for 0.0255 s each" in told
+    assert "noise on each command, of standard deviation 0.03 (`noise`)" in told
+    assert "a log of the robot counts 1 s in 1.02 s (`clock`)" in told
+
+
 @pytest.mark.parametrize("effects", [{"payload": {"mass": 0.0}}, {"drive_gain": {"gain": -1.0}}])
 def test_an_effect_that_does_nothing_or_all_can_be_exported(effects: dict, tmp_path: Path) -> None:
     robot = load_robot("servo_pendulum")
@@ -421,6 +499,12 @@ def test_what_exists_is_not_overwritten_and_failures_leave_nothing(tmp_path: Pat
     with pytest.raises(UsageError, match="ground_friction"):
         export_robot(robot, foreign, tmp_path / "taken")
     assert [path.name for path in tmp_path.iterdir()] == ["there"]
+
+
+def _arm_of_two(folder: Path) -> tuple[Path, Path]:
+    """A copy of the arm of two joints, to be changed: its model and its robot.toml."""
+    shutil.copytree(load_robot("two_joint_arm").folder, folder)
+    return folder / "model.xml", folder / "robot.toml"
 
 
 def _from_rest(robot: Robot) -> Run:

@@ -1,5 +1,6 @@
 """A robot on a stand: its base is held, nothing touches it, and all else is as it was."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -73,6 +74,21 @@ def test_changed_parameters_stay(quadruped: Robot) -> None:
     heavy = replace(space.parameters[0], nominal=40.0)
     changed = replace(quadruped, space=replace(space, parameters=(heavy, *space.parameters[1:])))
     assert on_stand(changed).space.parameters[0].nominal == 40.0
+
+
+@pytest.mark.parametrize("written", ["", ' euler="0 90 0"', ' axisangle="0 1 0 90"'])
+def test_the_base_keeps_the_attitude_of_the_keyframe(written: str, quadruped: Robot, tmp_path: Path) -> None:
+    """However the model writes where the base is."""
+    for name, data in quadruped.files.files.items():
+        text = data.decode()
+        if name == "model.xml":
+            text = text.replace('<body name="torso"', f'<body name="torso"{written}')
+            text = re.sub(r'(<key name="\w+" qpos="\S+ \S+ \S+) 1 0 0 0', r"\1 0.8 0 0.6 0", text)
+        (tmp_path / name).write_text(text)
+    robot = load_robot(tmp_path)
+    attitude = robot.model.key_qpos[robot.keyframe, 3:7]
+    assert attitude == pytest.approx([0.8, 0.0, 0.6, 0.0])
+    assert on_stand(robot).model.body("torso").quat == pytest.approx(attitude, abs=1e-5)
 
 
 def test_a_robot_whose_base_is_held_is_itself() -> None:

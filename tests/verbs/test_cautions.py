@@ -12,6 +12,10 @@ from dynreg.sim.run import Run
 from dynreg.verbs.cautions import beginning, cautions, ending, largest_steps
 
 STEPS = 100
+UNCHECKED = (
+    "collisions of links with each other and their surroundings are not checked: play the commands slowly first, with"
+    " a hand at the stop"
+)
 
 
 def told(robot: Robot, reached: tuple[float, float] = (-0.5, 1.25)) -> str:
@@ -21,8 +25,15 @@ def told(robot: Robot, reached: tuple[float, float] = (-0.5, 1.25)) -> str:
     return ". ".join(cautions(robot, limits, pool(robot, limits, (), STEPS, 0).run, ends))
 
 
-def test_a_robot_with_all_its_limits_needs_none() -> None:
-    assert told(load_robot("so101")) == ""
+def test_a_robot_with_all_its_limits_needs_no_more_than_the_one_about_collisions() -> None:
+    assert told(load_robot("so101")) == UNCHECKED
+
+
+def test_torques_are_not_to_be_played_slowly() -> None:
+    """Held for longer, they drive a joint further."""
+    said = told(load_robot("simple_pendulum"))
+    assert said.startswith("collisions of links with each other") and "keep a hand at the stop" in said
+    assert "slowly" not in said
 
 
 def test_drives_that_are_switched_off_are_named() -> None:
@@ -30,14 +41,14 @@ def test_drives_that_are_switched_off_are_named() -> None:
     drops = [i for i, name in enumerate(pool(robot, Limits.of(robot), (), STEPS, 0).names) if "drop" in name]
     where = ", ".join(map(str, drops))
     assert told(robot) == (
-        f"the drives of hip_roll, hip_pitch, knee are switched off halfway through {where}: keep clear of what swings"
-        " and falls then"
+        f"{UNCHECKED}. the drives of hip_roll, hip_pitch, knee are switched off halfway through {where}: keep clear"
+        " of what swings and falls then"
     )
 
 
 def test_a_carriage_without_stops_is_told_how_far_it_goes() -> None:
     said = told(load_robot("emps"))
-    assert said.startswith("no stops are known of slider (expected from -0.5 to 1.25 m)") and "range" in said
+    assert "no stops are known of slider (expected from -0.5 to 1.25 m)" in said and "range" in said
 
 
 def test_drives_without_a_speed_limit_are_told_their_largest_step() -> None:

@@ -115,6 +115,7 @@ print(rows.groupby(["entry", "episode"]).size())
                 "What was not measured is nan, or empty.",
                 "Numbers have as many digits as they need to be read back exactly.",
                 "`dynreg ingest` reads the log of a recording alone, of a file whose name ends in .csv.",
+                "It takes every log as a measured recording, so one that was simulated comes back with another id.",
             ),
             alone="""\
 import pandas as pd
@@ -145,7 +146,8 @@ for file in sorted(place.glob("*.mcap")) if place.is_dir() else [place]:
                 "Messages are JSON.",
                 "The column arm/position is the field position of the topic /arm.",
                 "What was not measured is left out of its message.",
-                "Episodes follow each other with a pause of 1 s; /episode tells where each begins.",
+                "Episodes lie as far apart as their times tell, at least one row; where time begins anew, 1 s.",
+                "/episode tells where each begins.",
                 "`dynreg ingest FILE --map MAP` reads it back.",
                 "Episodes come back named by their number, so a recording that is ingested again has another id.",
                 "`dynreg ingest` takes every log as a measured recording, also that of a simulated entry.",
