@@ -202,9 +202,9 @@ def to_mcap(recording: Recording) -> bytes:
 
     Episodes lie as far apart as their times tell; one whose time begins anew follows after a pause of 1 s, and one that
     begins before the last row of the one before it, a row later. "/episode" tells where each begins, "/settings" its
-    settings. A channel that would stand in one of these, or in the place of
-    another channel, is in a topic with a "_" behind its name. `map_for` gives the map that reads it back (stamps are
-    whole nanoseconds, and episodes are named by their number).
+    settings. A channel that would stand in one of these, or in the place of another channel, is in a topic with a "_"
+    behind its name. `map_for` gives the map that reads it back (stamps are whole nanoseconds, and episodes are named by
+    their number).
     """
     from mcap.writer import CompressionType, Writer
 

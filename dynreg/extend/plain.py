@@ -24,9 +24,8 @@ IN_DRIVES = (
     "force_offset",
     "quadratic_drag",
 )  # effects on the move that MJCF can say
-Size = Callable[
-    [str, int], Any
-]  # (id of an effect, number of an action) -> its first value there; 0 without it
+# (id of an effect, number of an action) -> its first value there; 0 without it
+Size = Callable[[str, int], Any]
 
 
 def says(robot: Robot, term: Term) -> bool:
@@ -112,9 +111,8 @@ def _shape_actuators(
         if one.ctrllimited:  # MuJoCo knows no range with one end
             one.ctrlrange = np.clip([low, high], -LARGEST, LARGEST)
         delay, lag = size("command_delay", a), size("command_lag", a)
-        if (
-            lag
-        ):  # late by half a time step: the force comes from the state before it, the effect's from its mean
+        if lag:
+            # late by half a time step: the force comes from the state before it, the effect's from its mean
             one.dyntype, one.dynprm[0], one.actdim = mujoco.mjtDyn.mjDYN_FILTEREXACT, lag, 1
         one.delay, one.nsample = delay, 0  # of the model's own there is none in a simulator either
         if delay:  # MuJoCo rounds those below one time step up to it

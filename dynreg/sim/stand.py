@@ -136,9 +136,8 @@ def _held(robot: Robot, base: int) -> str:
     for pair in list(spec.pairs):
         spec.delete(pair)
     held.pos = [0.0, 0.0, ABOVE * _reach(model, body)]
-    held.alt.type = (
-        mujoco.mjtOrientation.mjORIENTATION_QUAT
-    )  # an `euler` of the model would win over its quat
+    # an `euler` of the model would win over its quat
+    held.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
     held.quat = pose[at + 3 : at + 7]
     return spec.to_xml()
 
