@@ -137,9 +137,11 @@ def read_log(source: str | Path | LogFile, options: ReadOptions | None = None) -
     try:
         module = import_module(form.module)
         if form.streams:
-            return module.read(file, options or ReadOptions())
-        with file.on_disk() as path:
-            return replace(module.read(path, options or ReadOptions()), path=file.path)
+            log = module.read(file, options or ReadOptions())
+        else:
+            with file.on_disk() as path:
+                log = module.read(path, options or ReadOptions())
+        return replace(log, path=file.path, stem=file.stem)
     except DynregError:
         raise
     except (

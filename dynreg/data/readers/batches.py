@@ -231,12 +231,12 @@ def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def _labels(parts: Sequence[pa.Array]) -> np.ndarray:
-    """(T,) text; cells of one text are one object, however long it is."""
+    """(T,) text, "" where a cell is empty; cells of one text are one object, however long it is."""
     out = []
     for part in parts:
         if pa.types.is_null(part.type):
-            out.append(np.full(len(part), "None", dtype=object))
+            out.append(np.full(len(part), "", dtype=object))
             continue
-        texts = np.array([*(str(t) for t in part.dictionary.to_pylist()), "None"], dtype=object)
+        texts = np.array([*(str(t) for t in part.dictionary.to_pylist()), ""], dtype=object)
         out.append(texts[part.indices.fill_null(len(texts) - 1).to_numpy()])
     return np.concatenate(out)
