@@ -81,6 +81,14 @@ class Series:
         return Series(self.time[keep], self.values[keep], self.unit)
 
 
+def clean(series: Series) -> Series:
+    """Rows with a finite value on strictly increasing stamps; the last row of equal stamps is kept."""
+    series = series.rows(np.isfinite(series.values) & np.isfinite(series.time))
+    if len(series) < 2:
+        return series
+    return series.rows(np.append(np.diff(series.time) > 0, True))
+
+
 @dataclass(frozen=True)
 class RawLog:
     """A log as read.
