@@ -189,7 +189,10 @@ class HeadMap(_Strict):
         description="The column with the time; without it, the usual names are tried. Of a log of messages, `log`: the "
         "recorder's stamps in place of those in headers.",
     )
-    time_unit: Literal["s", "ms", "us", "ns"] = Field(default="s", description="Unit of that column.")
+    time_unit: Literal["s", "ms", "us", "ns"] | None = Field(
+        default=None,
+        description="Unit of that column; without it, the one that its name states (`time_ms`), or `s`.",
+    )
     note: str | None = Field(default=None, description="One line for people.")
 
 
