@@ -9,7 +9,7 @@ import numpy as np
 
 from dynreg.data.attitude import euler
 from dynreg.data.derivative import derivative
-from dynreg.data.maps import ChannelMap, LogMap, SettingMap, factors
+from dynreg.data.maps import ChannelMap, LogMap, SettingMap, factors, of_text
 from dynreg.data.outliers import far_from_median, spikes
 from dynreg.data.patterns import search
 from dynreg.data.schema import ChannelSpec, RecordingSpec
@@ -243,6 +243,8 @@ def _lost(before: Series, after: Series) -> np.ndarray:
 
 
 def _no_source(log: RawLog, source: str, channel: str) -> MapError:
+    if source in log.labels:
+        return of_text(log, source)
     near = [name for name in log.names if name.split(".")[0] == source.split(".")[0]]
     near = near or log.metadata.get("topics") or [*log.names]
     return MapError(

@@ -305,6 +305,15 @@ def odd_text(texts: Sequence[Any]) -> str:
     )
 
 
+def of_text(log: RawLog, column: str) -> MapError:
+    """What is said where numbers are asked of a column of text."""
+    return MapError(
+        f"{log.path.name!r}: column {column!r} holds text: {odd_text(log.labels[column])}",
+        expected="numbers with a decimal point, or empty cells, alone",
+        do="write the column as numbers, and empty the other cells",
+    )
+
+
 def _is_number(text: Any) -> bool:
     try:
         float(text)
@@ -319,12 +328,8 @@ def identity_map(spec: RecordingSpec, log: RawLog) -> LogMap:
     Raises MapError where a required channel has no column, or a channel's column holds text.
     """
     for channel in spec.channels:
-        if channel.name in log.labels:
-            raise MapError(
-                f"column {channel.name!r} holds text: {odd_text(log.labels[channel.name])}",
-                expected="numbers with a decimal point, or empty cells, alone",
-                do="write the column as numbers, and empty the other cells",
-            )
+        if channel.name in log.labels and channel.name not in log.sources:
+            raise of_text(log, channel.name)
         if not channel.optional and channel.name not in log.sources:
             raise MapError(
                 f"{log.path.name!r}: the log has no column {channel.name!r}",
