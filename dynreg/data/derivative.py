@@ -3,7 +3,7 @@
 import numpy as np
 
 from dynreg.data.gaps import silent
-from dynreg.data.series import Series
+from dynreg.data.series import Series, clean
 from dynreg.errors import LogError
 from dynreg.limits import limits
 
@@ -15,13 +15,13 @@ def derivative(series: Series, filter_hz: float | None) -> Series:
     """Rate of change of a signal: zero-phase Butterworth low-pass, then central differences.
 
     The filter (order 2, run forwards and backwards: order 4 and no lag) acts on a uniform grid at the median period, so
-    irregular stamps are first interpolated. Rows without a finite value are left out, but where the signal is silent
-    for longer than can be filled in (`gaps.silences`) there is no rate either: NaN. Raises LogError where `filter_hz`
-    is not below half the sampling rate.
+    irregular stamps are first interpolated. Rows without a finite value are left out, and of equal stamps all rows but
+    the last. Where the signal is silent for longer than can be filled in (`gaps.silences`) there is no rate: NaN.
+    Raises LogError where `filter_hz` is not below half the sampling rate.
     """
-    good = np.isfinite(series.values) & np.concatenate([[True], np.diff(series.time) > 0])
-    time, values = series.time[good], series.values[good]
     nothing = np.unique(series.time[~np.isfinite(series.values)])
+    series = clean(series)
+    time, values = series.time, series.values
     if len(time) < 3:
         return Series(time, np.full(len(time), np.nan), series.unit)
     if filter_hz is None:

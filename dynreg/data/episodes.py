@@ -1,7 +1,7 @@
 """From a raw log and a map to episodes: named channels in SI units on the log's own stamps."""
 
 import string
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from dynreg.data.attitude import euler
 from dynreg.data.derivative import derivative
-from dynreg.data.maps import ChannelMap, LogMap, SettingMap, factors
+from dynreg.data.maps import ChannelMap, LogMap, SettingMap, factors, of_text
 from dynreg.data.outliers import far_from_median, spikes
 from dynreg.data.patterns import search
 from dynreg.data.schema import ChannelSpec, RecordingSpec
@@ -44,7 +44,14 @@ def raw_episodes(log: RawLog, log_map: LogMap, spec: RecordingSpec) -> tuple[Raw
     Raises MapError for a source or an episode column that the log does not hold, LogError for what it holds wrongly.
     """
     out = []
-    for part, select in _parts(log, log_map):
+    parts, aside = _parts(log, log_map)
+    if not parts:
+        raise LogError(
+            f"column {_episode_column(log, log_map)!r} of {log.path.name!r} is empty in every row",
+            expected="a number or a name in the rows of each episode",
+            do="correct `column` under [episodes]",
+        )
+    for part, select in parts:
         logged = _channels(log, log_map, spec, select)
         settings = _settings(log, log_map, select)
         name = _name(log, log_map, settings, part)
@@ -53,7 +60,7 @@ def raw_episodes(log: RawLog, log_map: LogMap, spec: RecordingSpec) -> tuple[Raw
             key: _kept(series, log_map.channels[key], f"{where}, {key}") for key, series in logged.items()
         }
         channels = {key: series for key, (series, _) in kept.items()}
-        found = tuple(finding for _, more in kept.values() for finding in more)
+        found = (*([] if out else aside), *(finding for _, more in kept.values() for finding in more))
         clock = float(log.metadata.get("start", 0.0))
         dropped = {key: _lost(logged[key], series) for key, series in channels.items()}
         out.append(
@@ -65,15 +72,48 @@ def raw_episodes(log: RawLog, log_map: LogMap, spec: RecordingSpec) -> tuple[Raw
     return tuple(_differentiated(episode, log_map, spec) for episode in out)
 
 
-def _parts(log: RawLog, log_map: LogMap) -> Iterator[tuple[str | None, Select]]:
-    """Name of each episode and what picks its part of a series.
+def _parts(log: RawLog, log_map: LogMap) -> tuple[list[tuple[str | None, Select]], tuple[Finding, ...]]:
+    """Name of each episode and what picks its part of a series, and what is said of the rows between episodes.
 
-    A table's column marks its rows. A message's field marks time: it holds until the next message.
+    A table's column marks its rows. A message's field marks time: it holds until the next message. Rows whose cell is
+    empty, such as those between two runs, belong to none.
     """
     column = _episode_column(log, log_map)
     if column is None:
-        yield None, lambda series: series
-        return
+        return [(None, lambda series: series)], ()
+    keys, marks = _keys(log, column)
+    distinct, first, counts = np.unique(keys, return_index=True, return_counts=True)
+    if len(distinct) > limits().episodes:
+        refuse(
+            LogError,
+            f"column {column!r} of {log.path.name!r} makes more episodes than are read",
+            len(distinct),
+            "episodes",
+        )
+    rows, names = _Rows(keys, distinct, marks), [_key_name(key) for key in distinct]
+    parts = [
+        (names[number], lambda series, number=number: series.rows(rows.of(series, number)))
+        for number in np.argsort(first).tolist()
+        if names[number]
+    ]
+    empty = sum(int(count) for name, count in zip(names, counts, strict=True) if not name)
+    text = f"{empty} of {len(keys)} rows name no episode: they are left out"
+    return parts, (Finding("info", "left_out", f"{log.path.name}, {column}", text),) if empty else ()
+
+
+def _key_name(key: Any) -> str:
+    """The name of an episode by its cell, with all of its digits; "" of an empty cell.
+
+    >>> _key_name(20240115.0), _key_name(0.5), _key_name(7), _key_name("fast"), _key_name(np.nan)
+    ('20240115', '0.5', '7', 'fast', '')
+    """
+    if not isinstance(key, float):
+        return str(key) if str(key).strip() else ""
+    return "" if np.isnan(key) else repr(float(key)).removesuffix(".0")
+
+
+def _keys(log: RawLog, column: str) -> tuple[np.ndarray, Series | None]:
+    """The cells of an episode column, and its series where it marks time; None where it marks a table's rows."""
     if column in log.labels:
         keys, marks = np.asarray(log.labels[column]), None
         other = next((name for name, s in log.sources.items() if len(s) != len(keys)), None)
@@ -83,30 +123,18 @@ def _parts(log: RawLog, log_map: LogMap) -> Iterator[tuple[str | None, Select]]:
                 expected="a column of numbers, which tell the episodes of signals on other clocks, too",
                 do="number the episodes, and name that column under [episodes]",
             )
-    elif column in log.sources:
+        return keys, marks
+    if column in log.sources:
         marks = log.sources[column]
         keys = marks.values
         if all(len(s) == len(marks) and np.array_equal(s.time, marks.time) for s in log.sources.values()):
             marks = None
-    else:
-        raise MapError(
-            f"{log.path.name!r} has no episode column {column!r}",
-            expected=one_of(log.names, column),
-            do="correct `column` under [episodes]",
-        )
-    distinct, first = np.unique(keys, return_index=True)
-    if len(distinct) > limits().episodes:
-        refuse(
-            LogError,
-            f"column {column!r} of {log.path.name!r} makes more episodes than are read",
-            len(distinct),
-            "episodes",
-        )
-    rows = _Rows(keys, distinct, marks)
-    for number in np.argsort(first).tolist():
-        key = distinct[number]
-        text = f"{key:g}" if isinstance(key, float) else str(key)
-        yield text, lambda series, number=number: series.rows(rows.of(series, number))
+        return keys, marks
+    raise MapError(
+        f"{log.path.name!r} has no episode column {column!r}",
+        expected=one_of(log.names, column),
+        do="correct `column` under [episodes]",
+    )
 
 
 def _episode_column(log: RawLog, log_map: LogMap) -> str | None:
@@ -120,7 +148,7 @@ def episodes_of(log: RawLog) -> tuple[RawLog, ...]:
     if log.metadata.get("episode_column") is None:
         return (log,)
     out = []
-    for name, select in _parts(log, LogMap(channels={})):
+    for name, select in _parts(log, LogMap(channels={}))[0]:
         sources = {key: select(series) for key, series in log.sources.items()}
         out.append(replace(log, path=log.path.with_name(f"{log.path.name}, episode {name}"), sources=sources))
     return tuple(out)
@@ -134,9 +162,7 @@ class _Rows:
         self._found: dict[int, tuple[Series, np.ndarray, np.ndarray]] = {}
 
     def of(self, series: Series, number: int) -> np.ndarray:
-        """(N,) row numbers of the key with this number; none for NaN, which is no key."""
-        if self._distinct.dtype.kind == "f" and np.isnan(self._distinct[number]):
-            return np.empty(0, dtype=int)
+        """(N,) row numbers of the key with this number."""
         about = (
             id(series) if self._marks is not None else 0
         )  # a table's rows are the same for all its columns
@@ -217,6 +243,8 @@ def _lost(before: Series, after: Series) -> np.ndarray:
 
 
 def _no_source(log: RawLog, source: str, channel: str) -> MapError:
+    if source in log.labels:
+        return of_text(log, source)
     near = [name for name in log.names if name.split(".")[0] == source.split(".")[0]]
     near = near or log.metadata.get("topics") or [*log.names]
     return MapError(
@@ -240,7 +268,7 @@ def _setting(entry: SettingMap, log: RawLog, select: Select) -> float | None:
     if entry.value is not None:
         return entry.value
     if entry.filename is not None:
-        text: Any = search(entry.filename, log.path.stem).found
+        text: Any = search(entry.filename, log.stem).found
     elif entry.metadata in log.metadata:
         text = log.metadata[entry.metadata]
     elif entry.metadata in log.sources:
@@ -278,8 +306,8 @@ def _two_settings(log: RawLog, name: str, first: str, second: str) -> LogError:
 
 def _name(log: RawLog, log_map: LogMap, settings: Mapping[str, float], part: str | None) -> str:
     if log_map.episodes.name is None:
-        return part if part is not None else log.path.stem
-    known = {**log.metadata, **settings, "stem": log.path.stem, "episode": part or ""}
+        return part if part is not None else log.stem
+    known = {**log.metadata, **settings, "stem": log.stem, "episode": part or ""}
     try:
         return string.Formatter().vformat(log_map.episodes.name, (), known)
     except (LookupError, ValueError, TypeError, OverflowError) as error:

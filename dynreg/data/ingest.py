@@ -42,7 +42,8 @@ def read_recording(paths: Paths, spec: RecordingSpec, log_map: LogMap | None = N
     """Ingest one or several logs as one measured Recording at the robot's control rate.
 
     Without a map the logs are tables whose columns have the names of the robot's channels (and `time`,
-    perhaps `episode` and settings). Channels are in `spec` order; optional ones that no episode has are left
+    perhaps `episode` and settings); the provenance then has the map of the first log, or of the
+    first that has `episode`. Channels are in `spec` order; optional ones that no episode has are left
     out. Episodes are ordered as `clocks.laid` says. `time` of each tells the rest before it; where that is not known
     it begins at 0 again. Warnings, file hashes, the map, the resampling and the absolute begins (`clocks` [s]) go to
     the provenance.
@@ -219,15 +220,15 @@ def _mapped(
         check_map(log_map, spec)
     episodes: list[RawEpisode] = []
     findings: list[Finding] = []
+    maps: list[LogMap] = []
     for number, log in enumerate(_logs(files, log_map)):
-        if log_map is None:
-            log_map = identity_map(spec, log.sources, log.labels)
+        maps.append(log_map or identity_map(spec, log))
         findings += log.findings
-        for episode in raw_episodes(log, log_map, spec):
+        for episode in raw_episodes(log, maps[-1], spec):
             episodes.append(replace(episode, log=number))
             findings += check_episode(episode, spec, _gap(log_map))
     findings += check_behaviour(episodes, spec, findings)
-    return episodes, findings, log_map
+    return episodes, findings, max(maps, key=lambda one: one.episodes.by == "column")
 
 
 def holds_sources(paths: Paths, spec: RecordingSpec, log_map: LogMap) -> bool:
@@ -253,7 +254,7 @@ def _logs(files: Sequence[Path], log_map: LogMap | None) -> Iterable[RawLog]:
             wanted = tuple(s.removeprefix(f"{member}.") for s in own)
             logs[member] = read_log(path, replace(options, sources=wanted)).stamped()
         first = next(iter(members.values()))
-        yield side_by_side(first.with_name(stem) if stem else first, logs)
+        yield side_by_side(first.with_name(stem or first.stem), logs)
 
 
 def _groups(files: Sequence[Path], suffixes: Mapping[str, str]) -> dict[str, dict[str, Path]]:

@@ -33,6 +33,11 @@ class LogFile:
         return self.path.name
 
     @property
+    def stem(self) -> str:
+        """The name without its suffix; a folder's name is whole, whatever dots are in it."""
+        return self.name if self.folder is not None else self.path.stem
+
+    @property
     def size(self) -> int:
         """Bytes."""
         return len(self.data) if self.data is not None else self.path.stat().st_size

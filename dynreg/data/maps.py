@@ -2,7 +2,7 @@
 
 import re
 import string
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from dynreg.data.patterns import search
 from dynreg.data.schema import ChannelSpec, RecordingSpec
+from dynreg.data.series import RawLog
 from dynreg.data.units import UNITS, conversion
 from dynreg.errors import MapError, one_of
 from dynreg.tomlfile import parse_toml, read_toml
@@ -119,7 +120,8 @@ class SettingMap(_Strict):
     value: float | None = Field(default=None, description="The setting itself, the same in every episode.")
     filename: str | None = Field(
         default=None,
-        description="Regular expression with one group, which finds the setting in the file's name.",
+        description="Regular expression with one group, which finds the setting in the name of the file, without its "
+        "suffix, or of the folder.",
     )
     scale: float = Field(default=1.0, description="Factor of the number that was found.")
     offset: float = Field(default=0.0, description="Added to the scaled number.")
@@ -146,7 +148,10 @@ class EpisodeMap(_Strict):
         description="What an episode is: a `file`, the rows with one value of a `column`, or what lies "
         "between `gaps`.",
     )
-    column: str | None = Field(default=None, description="The column that numbers or names the episodes.")
+    column: str | None = Field(
+        default=None,
+        description="The column that numbers or names the episodes; rows whose cell is empty belong to none.",
+    )
     gap: float = Field(
         default=DEFAULT_GAP,
         gt=0,
@@ -184,7 +189,10 @@ class HeadMap(_Strict):
         description="The column with the time; without it, the usual names are tried. Of a log of messages, `log`: the "
         "recorder's stamps in place of those in headers.",
     )
-    time_unit: Literal["s", "ms", "us", "ns"] = Field(default="s", description="Unit of that column.")
+    time_unit: Literal["s", "ms", "us", "ns"] | None = Field(
+        default=None,
+        description="Unit of that column; without it, the one that its name states (`time_ms`), or `s`.",
+    )
     note: str | None = Field(default=None, description="One line for people.")
 
 
@@ -297,6 +305,15 @@ def odd_text(texts: Sequence[Any]) -> str:
     )
 
 
+def of_text(log: RawLog, column: str) -> MapError:
+    """What is said where numbers are asked of a column of text."""
+    return MapError(
+        f"{log.path.name!r}: column {column!r} holds text: {odd_text(log.labels[column])}",
+        expected="numbers with a decimal point, or empty cells, alone",
+        do="write the column as numbers, and empty the other cells",
+    )
+
+
 def _is_number(text: Any) -> bool:
     try:
         float(text)
@@ -305,25 +322,21 @@ def _is_number(text: Any) -> bool:
     return True
 
 
-def identity_map(spec: RecordingSpec, sources: Mapping[str, Any], labels: Mapping[str, Any]) -> LogMap:
+def identity_map(spec: RecordingSpec, log: RawLog) -> LogMap:
     """The map of a table whose columns are named like the robot's channels and settings (and `episode`).
 
     Raises MapError where a required channel has no column, or a channel's column holds text.
     """
     for channel in spec.channels:
-        if channel.name in labels:
+        if channel.name in log.labels and channel.name not in log.sources:
+            raise of_text(log, channel.name)
+        if not channel.optional and channel.name not in log.sources:
             raise MapError(
-                f"column {channel.name!r} holds text: {odd_text(labels[channel.name])}",
-                expected="numbers with a decimal point, or empty cells, alone",
-                do="write the column as numbers, and empty the other cells",
-            )
-        if not channel.optional and channel.name not in sources:
-            raise MapError(
-                f"the log has no column {channel.name!r}",
-                expected=f"columns named like the robot's channels, not {list(sources)[:20]}",
+                f"{log.path.name!r}: the log has no column {channel.name!r}",
+                expected=f"columns named like the robot's channels, not {list(log.sources)[:20]}",
                 do="draft a map with `dynreg doctor LOG --robot ROBOT --draft-map map.toml`, and pass it with --map",
             )
-    episodes = {"by": "column", "column": "episode"} if "episode" in sources or "episode" in labels else {}
+    episodes = {"by": "column", "column": "episode"} if "episode" in {**log.sources, **log.labels} else {}
     return LogMap.model_validate(
         {
             "channels": {c.name: {"source": c.name} for c in spec.channels},

@@ -8,20 +8,12 @@ from dynreg.data.derivative import GRID_LIMIT
 from dynreg.data.episodes import RawEpisode
 from dynreg.data.gaps import BRIDGED, silent
 from dynreg.data.schema import ChannelSpec, RecordingSpec
-from dynreg.data.series import Finding, Series
+from dynreg.data.series import Finding, Series, clean
 from dynreg.errors import LogError
 from dynreg.limits import limits, refuse
 
 MUCH = 0.05  # share of an episode's time that is not left out without a word
 STAMP_TOLERANCE = 1e-6  # [s] a command stamped this much after a grid point still counts for it
-
-
-def clean(series: Series) -> Series:
-    """Rows with a finite value on strictly increasing stamps; the last row of equal stamps is kept."""
-    series = series.rows(np.isfinite(series.values) & np.isfinite(series.time))
-    if len(series) < 2:
-        return series
-    return series.rows(np.append(np.diff(series.time) > 0, True))
 
 
 def resample(episode: RawEpisode, spec: RecordingSpec) -> tuple[float, np.ndarray, np.ndarray]:

@@ -81,6 +81,14 @@ class Series:
         return Series(self.time[keep], self.values[keep], self.unit)
 
 
+def clean(series: Series) -> Series:
+    """Rows with a finite value on strictly increasing stamps; the last row of equal stamps is kept."""
+    series = series.rows(np.isfinite(series.values) & np.isfinite(series.time))
+    if len(series) < 2:
+        return series
+    return series.rows(np.append(np.diff(series.time) > 0, True))
+
+
 @dataclass(frozen=True)
 class RawLog:
     """A log as read.
@@ -93,6 +101,7 @@ class RawLog:
     labels : text columns of tables, (T,) each, in the table's row order: names of episodes.
     findings : what the reader itself saw (lost messages, a damaged chunk).
     names : of every signal that the log holds, also where only those asked for are in `sources`.
+    stem : its name without a file's suffix; a folder has none. Where it is not told, that of a file.
     """
 
     path: Path
@@ -101,8 +110,10 @@ class RawLog:
     labels: Mapping[str, np.ndarray] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
     names: tuple[str, ...] = ()
+    stem: str = ""
 
     def __post_init__(self):
+        object.__setattr__(self, "stem", self.stem or self.path.stem)
         object.__setattr__(self, "names", tuple(self.names) or (*self.labels, *self.sources))
 
     def topic_of(self, source: str) -> str:

@@ -293,6 +293,19 @@ def test_long_stretches_without_numbers_stay_empty(write_table, swing, servo_spe
 
 
 @pytest.mark.parametrize("filter_hz", [None, 20.0])
+@pytest.mark.parametrize("first", [np.nan, 5.0])
+def test_the_rate_of_equal_stamps_is_that_of_their_last_rows(first: float, filter_hz: float | None):
+    """A table in long form has a stamp for each of its signals: an empty cell stands before each number."""
+    t = np.arange(400) / 100
+    values = np.stack([np.full(400, first), np.sin(3 * t)], axis=1).ravel()
+    slope = derivative(Series(np.repeat(t, 2), values), filter_hz)
+    alone = derivative(Series(t, np.sin(3 * t)), filter_hz)
+    slope = slope.rows(np.isfinite(slope.values))
+    np.testing.assert_array_equal(slope.time, alone.time)
+    np.testing.assert_array_equal(slope.values, alone.values)
+
+
+@pytest.mark.parametrize("filter_hz", [None, 20.0])
 def test_where_a_signal_is_silent_for_long_it_has_no_rate(filter_hz: float | None):
     t = np.arange(801) / 200
     values = np.sin(3 * t)

@@ -121,7 +121,7 @@ def test_a_parquet_file_in_batches_is_that_at_once(monkeypatch: pytest.MonkeyPat
         np.testing.assert_array_equal(pieces.sources[name].values, series.values)
         np.testing.assert_array_equal(pieces.sources[name].time, series.time)
     assert whole.labels["who"].tolist() == pieces.labels["who"].tolist()
-    assert whole.labels["who"][50] == "None"
+    assert whole.labels["who"][50] == ""
     np.testing.assert_array_equal(whole.sources["q[1]"].values[[1, 2, 3]], [np.nan, 2, 3])
 
 

@@ -7,11 +7,13 @@ import numpy as np
 
 from dynreg.data.checks.runs import longest_run
 from dynreg.data.series import Finding, Series
+from dynreg.data.units import UNITS
 
 STANDSTILL_ROWS = 10  # rows with one and the same stamp that make a stopped clock
 JITTER = 3.0  # 99th percentile over median period
 SLOW_STEP = 2.0  # [s] between rows: a clock in another unit
-LIKELY: Mapping[str, str] = {"ns": "nanoseconds", "us": "microseconds", "ms": "milliseconds"}
+LIKELY: Mapping[str, str] = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
+FASTEST = 20_000.0  # [Hz] logs of robots are slower: a unit that makes one faster is none of its clock
 
 
 def check_clocks(
@@ -66,7 +68,8 @@ def check_clock(time: np.ndarray, where: str) -> Iterator[Finding]:
         )
     moving, unit = steps[steps > 0], likely_unit(time)
     if unit is not None:
-        text = f"{slow_clock(time, unit)}; set time_unit = {json.dumps(unit)} under [map]"
+        units = " or ".join(map(json.dumps, _rates(time, unit)))
+        text = f"{slow_clock(time, unit)}; set time_unit = {units} under [map]"
         yield Finding("warning", "clock", where, text)
     elif len(moving) >= 10:
         median, late = np.median(moving), np.quantile(moving, 0.99)
@@ -84,8 +87,17 @@ def likely_unit(time: np.ndarray) -> str | None:
 
 
 def slow_clock(time: np.ndarray, unit: str) -> str:
-    """What is said of stamps (T,) that count in this `likely_unit`."""
-    return f"the median step is {_usual_step(time):.4g} s: the clock looks like {LIKELY[unit]}"
+    """What is said of stamps (T,) that count in this `likely_unit`, or in a finer one that may be meant as well."""
+    rates = _rates(time, unit)
+    told = [LIKELY[one] + f" ({rate:.0f} Hz)" * (len(rates) > 1) for one, rate in rates.items()]
+    return f"the median step is {_usual_step(time):.4g} s: the clock looks like {' or '.join(told)}"
+
+
+def _rates(time: np.ndarray, unit: str) -> dict[str, float]:
+    """{unit: rows a second [Hz]} of a clock that counts in this `likely_unit`, or in a finer one."""
+    step, units = _usual_step(time), list(LIKELY)
+    rates = {one: 1.0 / (step * UNITS[one][1]) for one in units[units.index(unit) :]}
+    return {one: rate for one, rate in rates.items() if one == unit or rate <= FASTEST}
 
 
 def _usual_step(time: np.ndarray) -> float:
@@ -96,10 +108,18 @@ def _usual_step(time: np.ndarray) -> float:
 
 
 def check_gaps(time: np.ndarray, where: str, gap: float) -> Iterator[Finding]:
-    """Silences longer than `gap` [s]."""
+    """Silences longer than `gap` [s]; where most steps are, these are no gaps: it is the rate, or another unit."""
     steps = np.diff(time)
     long = np.flatnonzero(steps > gap)
-    if len(long):
+    if 2 * len(long) > len(steps):
+        if likely_unit(time) is None:
+            text = (
+                f"{len(long)} of {len(steps)} rows come more than {gap:g} s after the one before, usually "
+                f"{np.median(steps[long]):.4g} s: if the time column counts milliseconds, set time_unit = "
+                '"ms" under [map]; if not, set `gap` above that under [episodes]'
+            )
+            yield Finding("warning", "gap", where, text)
+    elif len(long):
         first = int(long[0])
         yield Finding(
             "warning",

@@ -70,12 +70,13 @@ class ReadOptions:
     """The map's options for reading: the column or stamp that is the clock, and its unit.
 
     `time` is a table's time column, or "log" for messages whose header stamps are not to be used;
-    None takes the usual names and header stamps. `time_unit` is s, ms, us or ns. `sources` are the names that
-    will be asked for, so that topics without any (images, scans) need not be decoded; None asks for all.
+    None takes the usual names and header stamps. `time_unit` is s, ms, us or ns; None takes the one that the
+    column's name states, or s. `sources` are the names that will be asked for, so that topics without any
+    (images, scans) need not be decoded; None asks for all.
     """
 
     time: str | None = None
-    time_unit: str = "s"
+    time_unit: str | None = None
     sources: tuple[str, ...] | None = None
 
     def wants(self, topic: str) -> bool:
@@ -137,9 +138,11 @@ def read_log(source: str | Path | LogFile, options: ReadOptions | None = None) -
     try:
         module = import_module(form.module)
         if form.streams:
-            return module.read(file, options or ReadOptions())
-        with file.on_disk() as path:
-            return replace(module.read(path, options or ReadOptions()), path=file.path)
+            log = module.read(file, options or ReadOptions())
+        else:
+            with file.on_disk() as path:
+                log = module.read(path, options or ReadOptions())
+        return replace(log, path=file.path, stem=file.stem)
     except DynregError:
         raise
     except (

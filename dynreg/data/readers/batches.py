@@ -10,10 +10,11 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from dynreg.data.maps import odd_text
 from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.budget import Budget
 from dynreg.data.readers.columns import from_columns, is_clock, time_column
-from dynreg.data.readers.numbers import doubles
+from dynreg.data.readers.numbers import column, doubles, spelled
 from dynreg.data.readers.signals import MAX_ITEMS
 from dynreg.data.series import Finding, RawLog
 from dynreg.errors import LogError
@@ -51,6 +52,7 @@ class Columns:
     path: Path
     budget: Budget
     options: ReadOptions
+    point: str = "."  # between the whole of a number and its parts, where numbers are text
     rows: int = 0
     names: tuple[str, ...] = ()
     wanted: tuple[str, ...] = ()  # those asked for, and those that may be the time
@@ -123,17 +125,35 @@ class Columns:
                 do="mend the log",
             )
         kept = [n for n in self._numbers if n not in self._others]
-        columns = {n: self._whole(n) for n in kept} | dict(extra)
+        labels = {n: _labels([*parts, pa.nulls(self._short(parts))]) for n, parts in self._texts.items()}
+        columns = {n: self._whole(n) for n in kept} | self._spelled(labels) | dict(extra)
         units = {n: self._units.get(n, self._units.get(n.rpartition("[")[0])) for n in columns}
         return from_columns(
             self.path,
             columns,
             self.options,
-            labels={n: _labels([*parts, pa.nulls(self._short(parts))]) for n, parts in self._texts.items()},
+            labels=labels,
             units={n: unit for n, unit in units.items() if unit is not None},
             findings=tuple(self.findings),
             names=tuple(dict.fromkeys((*self.names, *columns))),
         )
+
+    def _spelled(self, labels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Columns of text of which most cells are numbers, as these; a finding counts the others, which are empty.
+
+        One that is numbers throughout was meant as text by whoever gave it that type.
+        """
+        out = {}
+        for name, texts in labels.items():
+            known = {text: spelled(text, self.point) for text in dict.fromkeys(texts)}
+            cells = [known[text] for text in texts]
+            odd = sum(isinstance(cell, str) for cell in cells)
+            if 0 < odd < sum(isinstance(cell, int | float) for cell in cells):
+                self.budget.spend("numbers", len(cells))
+                out[name], _ = column(cells)
+                text = f"{odd_text(cells)}: where numbers are asked for they are empty"
+                self.findings.append(Finding("warning", "left_out", f"{self.path.name}, {name}", text))
+        return out
 
     def _whole(self, name: str) -> np.ndarray:
         """A column in one piece, and its pieces given up: both of all columns would take the memory twice."""
@@ -231,12 +251,12 @@ def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def _labels(parts: Sequence[pa.Array]) -> np.ndarray:
-    """(T,) text; cells of one text are one object, however long it is."""
+    """(T,) text, "" where a cell is empty; cells of one text are one object, however long it is."""
     out = []
     for part in parts:
         if pa.types.is_null(part.type):
-            out.append(np.full(len(part), "None", dtype=object))
+            out.append(np.full(len(part), "", dtype=object))
             continue
-        texts = np.array([*(str(t) for t in part.dictionary.to_pylist()), "None"], dtype=object)
+        texts = np.array([*(str(t) for t in part.dictionary.to_pylist()), ""], dtype=object)
         out.append(texts[part.indices.fill_null(len(texts) - 1).to_numpy()])
     return np.concatenate(out)

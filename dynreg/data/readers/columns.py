@@ -23,7 +23,7 @@ TIME_NAMES = (
     *("header.stamp", "header/stamp", "header_stamp"),
 )
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-# Names that tell the unit; a map that names the column tells the unit itself. The first is that of `rostopic echo -p`.
+# Names that tell the unit, where the map tells none. The first is that of `rostopic echo -p`.
 UNIT_NAMES = {"%time": "ns"} | {
     f"{name}_{unit}": unit for unit in ("ms", "us", "ns") for name in ("time", "t", "timestamp", "stamp")
 }
@@ -121,8 +121,8 @@ def time_column(path: Path, columns: Collection[str], options: ReadOptions, name
 
 
 def _unit(name: str, options: ReadOptions) -> str:
-    """The unit of the clock of this name: the map's, else the one that its name states."""
-    return options.time_unit if options.time else stated_unit(name) or options.time_unit
+    """The unit of the clock of this name: the map's, else the one that its name states, else seconds."""
+    return options.time_unit or stated_unit(name) or _told_unit(name, "s")
 
 
 def _place(name: str) -> int:
@@ -207,8 +207,8 @@ def _ends(stamps: np.ndarray, unit: str) -> tuple[float, float]:
 
 
 def _told_unit(name: str, usual: str) -> str:
-    """The unit at the end of a clock's name, as of cmd_time_ms; else that of the log's own clock."""
-    last = words(name)[-1]
+    """The unit at the end of a clock's name, as of cmd_time_ms; else the usual one."""
+    *_, last = "", *words(name)
     return last if last in TIME_UNITS else usual
 
 

@@ -35,7 +35,10 @@ def join(path: Path, logs: Sequence[RawLog]) -> RawLog:
 
 
 def side_by_side(path: Path, logs: Mapping[str, RawLog]) -> RawLog:
-    """Files that tell of the same run: the source "position" of member "desired" is "desired.position"."""
+    """Files that tell of the same run: the source "position" of member "desired" is "desired.position".
+
+    path : what their names share, without a suffix.
+    """
     start = min(float(log.metadata.get("start", 0.0)) for log in logs.values())
     sources, labels, metadata = {}, {}, {}
     for member, log in logs.items():
@@ -46,4 +49,4 @@ def side_by_side(path: Path, logs: Mapping[str, RawLog]) -> RawLog:
         metadata.update(log.metadata)
     findings = tuple(f for log in logs.values() for f in log.findings)
     names = tuple(f"{member}.{name}" for member, log in logs.items() for name in log.names)
-    return RawLog(path, sources, metadata | {"start": start}, labels, findings, names)
+    return RawLog(path, sources, metadata | {"start": start}, labels, findings, names, stem=path.name)

@@ -9,6 +9,8 @@ import numpy as np
 
 _EXACT = 2.0**62  # differences of whole numbers below this cannot overflow int64
 _BEYOND = 10**400
+_STAMP = 19  # characters of the longest whole number that is read as one: nanoseconds since 1970
+EMPTY = ("", "nan", "NaN", "NA", "null", "None")  # what tables write into cells that hold nothing
 _DIGITS = 309  # a whole number of more is beyond a double, and Python refuses to read one of 4300
 
 
@@ -38,6 +40,25 @@ def column(cells: Iterable[Any]) -> tuple[np.ndarray, int]:
         whole = [0 if n is None else c for c, n in zip(cells, numbers, strict=True)]
         return np.ma.masked_array(np.array(whole, dtype=np.int64), [n is None for n in numbers]), odd
     return np.array([math.nan if n is None else n for n in numbers]), odd
+
+
+def spelled(text: str, point: str = ".") -> int | float | str | None:
+    """The number that a text spells, None where it is empty; the text itself where it is no number.
+
+    point : what stands between the whole of a number and its parts.
+
+    >>> spelled("7"), spelled(" 0,5", ","), spelled(""), spelled("ERR")
+    (7, 0.5, None, 'ERR')
+    """
+    plain = text.strip().replace(point, ".")
+    if plain in EMPTY:
+        return None
+    try:
+        value = float(plain)
+    except ValueError:
+        return text
+    whole = plain.lstrip("+-").isdecimal() and len(plain) <= _STAMP
+    return int(plain) if whole else value
 
 
 def doubles(cells: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ import csv as text_csv
 import re
 from collections.abc import Iterator
 from io import BytesIO
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import pyarrow as pa
 
@@ -13,16 +13,16 @@ from dynreg.data.logfile import LogFile
 from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.batches import Columns
 from dynreg.data.readers.budget import Budget
+from dynreg.data.readers.numbers import EMPTY
 from dynreg.data.series import RawLog
 from dynreg.errors import LogError
 
 BLOCK = 32 << 20  # bytes that are parsed at once
 _COMMENT = re.compile(rb"#[^\r\n]*[\r\n]+(?=[^-+.\d\r\n])")
-_EMPTY = ["", "nan", "NaN", "NA", "null", "None"]
 
 
 def read(file: LogFile, options: ReadOptions) -> RawLog:
-    """Read a CSV file: comma, semicolon (then perhaps with decimal commas) or tab; a header line, comments above it.
+    """Read a CSV file: comma, semicolon (then perhaps with decimal commas) or tab; a header, comments anywhere.
 
     Text columns are kept as labels. Raises LogError for a file that is none or is damaged.
     """
@@ -47,12 +47,12 @@ def _gather(stream: BinaryIO, table: Columns, texts: tuple[str, ...]) -> None:
     """Add all rows to the table; `texts` are columns that are text though they begin with numbers."""
     from pyarrow import csv
 
-    delimiter, point = ",", "."
+    delimiter = ","
     for number, block in enumerate(_blocks(stream, table.budget)):
         if number == 0:
             header, block = _header(block)
             delimiter = _delimiter(header)
-            point = "," if delimiter == ";" and _has_decimal_commas(block) else "."
+            table.point = "," if delimiter == ";" and _has_decimal_commas(block) else "."
             table.named(next(text_csv.reader([header], delimiter=delimiter), []))
         if not block.strip(b"\r\n"):
             continue
@@ -62,15 +62,20 @@ def _gather(stream: BinaryIO, table: Columns, texts: tuple[str, ...]) -> None:
             read_options=csv.ReadOptions(
                 use_threads=False, block_size=len(block) + 1, column_names=list(table.names)
             ),
-            parse_options=csv.ParseOptions(delimiter=delimiter),
+            parse_options=csv.ParseOptions(delimiter=delimiter, invalid_row_handler=_skip_comment),
             convert_options=csv.ConvertOptions(
-                null_values=_EMPTY,
-                decimal_point=point,
+                null_values=list(EMPTY),
+                decimal_point=table.point,
                 include_columns=list(table.wanted),
                 column_types={name: pa.string() for name in texts},
             ),
         )
         table.add(rows)
+
+
+def _skip_comment(row: Any) -> str:
+    """What pyarrow is to do with a row of another length than the header's."""
+    return "skip" if row.text.lstrip().startswith("#") else "error"
 
 
 def _has_decimal_commas(block: bytes) -> bool:
