@@ -12,6 +12,7 @@ from dynreg.sim.beside import tracked_bodies
 from dynreg.sim.robot import Robot
 
 BASE = ("x", "y", "z", "roll", "pitch", "yaw", "vx", "vy", "vz", "wx", "wy", "wz")
+PLACE = tuple(BASE.index(name) for name in ("x", "y", "yaw"))  # where on level ground the base is
 TURN = 2.0 * np.pi  # rad
 FILTERS = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))  # what smooths a command
 
@@ -154,6 +155,13 @@ def base_motion(layout: Layout, qpos: np.ndarray, qvel: np.ndarray) -> np.ndarra
     linear = np.einsum("...ij,...i->...j", rotation, qvel[..., dof : dof + 3])
     angles = np.stack(euler_angles(w, x, y, z), -1)
     return np.concatenate([qpos[..., at : at + 3], angles, linear, qvel[..., dof + 3 : dof + 6]], -1)
+
+
+def start_place(robot: Robot, layout: Layout) -> np.ndarray:
+    """(3,) x and y [m] and yaw [rad] of a floating base where episodes start: as the keyframe has it; 0 without one."""
+    if layout.base_qpos < 0:
+        return np.zeros(3)
+    return base_motion(layout, robot.start, np.zeros(robot.model.nv))[list(PLACE)]
 
 
 def place(layout: Layout, states: np.ndarray, qpos: np.ndarray, qvel: np.ndarray) -> None:

@@ -6,7 +6,7 @@ from mujoco.batch import Batch
 
 from dynreg.sim.engines.acting import true_states
 from dynreg.sim.fields import own_field
-from dynreg.sim.layout import Layout, filters, place, place_base
+from dynreg.sim.layout import Layout, filters, place, place_base, start_place
 from dynreg.sim.ports import Ports, takes_positions
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
@@ -42,8 +42,8 @@ def reset(
             batch.step(ids=np.sort(first[steps[first] == count]), nstep=int(count))
         qpos[:], qvel[:], act[:] = qpos[first[alike]], qvel[first[alike]], act[first[alike]]
         batch.bind("qacc_warmstart")[:] = 0.0  # of the episode that settled: it would start unlike the others
-    if layout.base_qpos >= 0:
-        qpos[:, layout.base_qpos : layout.base_qpos + 2] = 0.0
+    if layout.base_qpos >= 0:  # what settled has moved a little
+        qpos[:, layout.base_qpos : layout.base_qpos + 2] = start_place(robot, layout)[:2]
     if run.initial is not None:
         states = true_states(robot, run.initial, ports)
         place(layout, states, qpos, qvel)
