@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from dynreg.sim.finding import Said
-from dynreg.sim.held import JOINT, SINGLE
+from dynreg.sim.held import JOINT, SINGLE, switched_on
 from dynreg.sim.layout import FILTERS, layout_of
 from dynreg.sim.robot import Robot
 
@@ -42,6 +42,7 @@ def _actuators(robot: Robot) -> Iterator[Said]:
     if not robot.actions:
         return
     model, layout = robot.model, layout_of(robot)
+    on = switched_on(model)
     for action, a, dof in zip(robot.file.actions, layout.action_actuator, layout.action_dof, strict=True):
         joint, odd = int(model.dof_jntid[dof]), []
         gear = float(model.actuator_gear[a, 0])
@@ -50,6 +51,10 @@ def _actuators(robot: Robot) -> Iterator[Said]:
         if model.actuator_actnum[a] and model.actuator_dyntype[a] not in FILTERS:
             odd.append(
                 "has a state of its own, so it does not do what it is told at once: set dyntype to none"
+            )
+        if not on[a]:
+            odd.append(
+                "is switched off by actuatorgroupdisable, so it does nothing: take its group out of that option"
             )
         if model.actuator_history[a].any():
             odd.append(
