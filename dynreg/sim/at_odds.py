@@ -12,6 +12,13 @@ from dynreg.sim.robot import Robot
 
 NEAR = 1e-6  # m
 PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
+FLAGS = {  # of an MJCF, which switch off what the joint engine has
+    "actuation": mujoco.mjtDisableBit.mjDSBL_ACTUATION,
+    "constraint": mujoco.mjtDisableBit.mjDSBL_CONSTRAINT,
+    "damper": mujoco.mjtDisableBit.mjDSBL_DAMPER,
+    "frictionloss": mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS,
+    "limit": mujoco.mjtDisableBit.mjDSBL_LIMIT,
+}
 
 
 def at_odds(robot: Robot) -> Iterator[Said]:
@@ -86,6 +93,10 @@ def _left_out(robot: Robot) -> Iterator[Said]:
         "gravity compensation": np.full(len(dofs), bool(model.body_gravcomp.any())),
         "equality constraints": np.full(len(dofs), bool(model.eq_active0.any())),
         "drag of air or water (density, viscosity)": np.full(len(dofs), bool(fluid)),
+    }
+    told |= {
+        f'the flag {name}="disable"': np.full(len(dofs), bool(model.opt.disableflags & bit))
+        for name, bit in FLAGS.items()
     }
     lacks = [what for what, where in told.items() if where.any()]
     if lacks:

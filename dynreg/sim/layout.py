@@ -9,6 +9,7 @@ from dynreg.data.attitude import euler_angles
 from dynreg.data.names import parts_of
 from dynreg.errors import RobotError
 from dynreg.sim.beside import tracked_bodies
+from dynreg.sim.held import scalar_joints
 from dynreg.sim.robot import Robot
 
 BASE = ("x", "y", "z", "roll", "pitch", "yaw", "vx", "vy", "vz", "wx", "wy", "wz")
@@ -44,8 +45,9 @@ def layout_of(robot: Robot) -> Layout:
     names of BASE are the floating base's: position and Euler angles in the world, velocities in the body frame.
     """
     model = robot.model
-    joints = {model.joint(j).name: j for j in range(model.njnt)}
+    single = {model.joint(j).name: j for j in scalar_joints(model)}
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
+    joints = single | {model.joint(j).name: j for j in free}  # of a ball joint, no channel tells one number
     base = robot.base
     columns: dict[str, list[tuple[int, int]]] = {"position": [], "velocity": [], "base": []}
     for column, name in enumerate(robot.channels):
@@ -68,7 +70,7 @@ def layout_of(robot: Robot) -> Layout:
         *(tuple(np.array(pairs, dtype=int).reshape(-1, 2).T) for pairs in columns.values()),
         int(model.jnt_qposadr[base]) if base >= 0 else -1,
         int(model.jnt_dofadr[base]) if base >= 0 else -1,
-        *_action_addresses(robot, joints),
+        *_action_addresses(robot, single),
         model.jnt_qposadr[model.body_jntadr[tracked_bodies(robot)]].astype(int),
     )
 
