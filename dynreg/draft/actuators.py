@@ -1,5 +1,7 @@
 """The actuators of a drafted model: one for each of its drives."""
 
+from itertools import count
+
 import mujoco
 import numpy as np
 
@@ -29,8 +31,11 @@ def put_drives(opened: Opened, drives: tuple[Drive, ...]) -> None:
             spec.delete(actuator)
     for kept in [a for a in spec.actuators if a.name in by_joint]:
         kept.name = free_name(kept.name, spec.actuators)
+    on = next(group for group in count() if not spec.option.disableactuator >> group & 1)
     for drive in drives:
-        made = spec.add_actuator(name=drive.joint, target=drive.joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        made = spec.add_actuator(
+            name=drive.joint, target=drive.joint, trntype=mujoco.mjtTrn.mjTRN_JOINT, group=on
+        )
         made.gaintype, made.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
         gain, bias = _law(drive)
         made.gainprm[0] = gain
@@ -38,6 +43,8 @@ def put_drives(opened: Opened, drives: tuple[Drive, ...]) -> None:
         if drive.lag:
             made.dyntype, made.dynprm[0], made.actdim = mujoco.mjtDyn.mjDYN_FILTEREXACT, drive.lag, 1
             made.actearly = drive.joint in early
+            if drive.holds is not None:
+                made.actlimited, made.actrange = 1, drive.holds
         if drive.low is not None and drive.high is not None and not drive.usual:
             made.ctrllimited, made.ctrlrange = 1, [drive.low, drive.high]
         if drive.limit is not None:

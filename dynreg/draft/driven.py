@@ -19,7 +19,7 @@ from dynreg.draft.entry import DraftOptions, Notes, listed
 from dynreg.draft.opened import Opened
 from dynreg.draft.stated import of_joint, stated_words, unknown
 from dynreg.errors import RobotError, UsageError
-from dynreg.sim.held import JOINT, scalar_joints
+from dynreg.sim.held import JOINT, scalar_joints, switched_on
 
 NATURAL = 20.0  # rad/s: what a guessed servo answers with
 SAG = 0.02  # rad or m by which a guessed servo gives way to the joint's own weight
@@ -37,16 +37,18 @@ def drives_of(opened: Opened, options: DraftOptions, notes: Notes) -> tuple[Driv
     model = opened.compiled()
     found: dict[int, Drive] = {}
     left_out: list[str] = []
-    for a in range(model.nu):
+    on = switched_on(model)
+    for a in np.flatnonzero(on):
         joint = int(model.actuator_trnid[a, 0])
         known = model.actuator_trntype[a] in JOINT and joint in scalar_joints(model)
         drive = understood(model, a, joint) if known else None
         if drive is None:
-            left_out.append(model.actuator(a).name or f"number {a + 1}")
+            left_out.append(_called(model, a))
         elif joint not in found:
             found[joint] = drive
         else:
-            found[joint] = _merged(found[joint], drive, notes)
+            found[joint] = _merged(found[joint], drive, joint_limit(model, joint), notes)
+    _say_unlike(model, on, notes)
     if left_out:
         notes.add(
             f"{len(left_out)} actuators get no command ({listed(left_out)}): "
@@ -55,7 +57,8 @@ def drives_of(opened: Opened, options: DraftOptions, notes: Notes) -> tuple[Driv
     if not found and (options.drive or not left_out):
         found = {j: _guessed(model, j, options) for j in scalar_joints(model) if not _follows(model, j)}
         if found:
-            none = "no actuators" if not left_out else "no actuators that are understood"
+            which = " that are understood" if left_out else " that are switched on" if model.nu else ""
+            none = f"no actuators{which}"
             notes.add(f"the model has {none}: all its hinges and slides are driven")
     elif not found:
         raise RobotError(
@@ -69,6 +72,30 @@ def drives_of(opened: Opened, options: DraftOptions, notes: Notes) -> tuple[Driv
         j: replace(d, limit=of_joint(options.torque_limit, d.joint) or d.limit) for j, d in found.items()
     }
     return tuple(found.values())
+
+
+def _say_unlike(model: mujoco.MjModel, on: np.ndarray, notes: Notes) -> None:
+    """Notes about actuators that the model switches off, and about delays, which no drive has.
+
+    on : (nu,) as `switched_on` gives it.
+    """
+    off = [_called(model, a) for a in np.flatnonzero(~on)]
+    if off:
+        notes.add(
+            f"the model switches actuators off ({listed(off)}, by actuatorgroupdisable): they get no command"
+        )
+    late = [
+        f"{_called(model, a)}: {model.actuator_delay[a]:g} s"
+        for a in np.flatnonzero(on & model.actuator_history.any(axis=1))
+    ]
+    if late:
+        notes.add(
+            f"delays of actuators are left out ({listed(late)}): in a simulator a delay is the effect command_delay"
+        )
+
+
+def _called(model: mujoco.MjModel, a: int) -> str:
+    return model.actuator(a).name or f"number {a + 1}"
 
 
 def say_limits(model: mujoco.MjModel, drives: tuple[Drive, ...], notes: Notes) -> None:
@@ -131,12 +158,20 @@ def _follows(model: mujoco.MjModel, joint: int) -> bool:
     )
 
 
-def _merged(first: Drive, second: Drive, notes: Notes) -> Drive:
-    """Two actuators of one joint: a velocity servo beside a position servo damps it; of others the first counts."""
+def _merged(first: Drive, second: Drive, whole: list[float], notes: Notes) -> Drive:
+    """Two actuators of one joint: a velocity servo beside a position servo damps it; of others the first counts.
+
+    whole : the limit of the joint's force, which holds for both together; empty without one.
+    """
     kinds = {first.kind, second.kind}
     if kinds == {"position", "velocity"}:
         position = first if first.kind == "position" else second
         other = second if position is first else first
+        if not {first.limit, second.limit} <= {None, *whole}:
+            notes.add(
+                f"joint {first.joint} has a position and a velocity servo, and the model limits their forces one by "
+                "one: they become one drive, which has the limit of the position servo"
+            )
         return replace(position, rate_gain=position.rate_gain + other.rate_gain)
     notes.add(f"joint {first.joint} has several actuators: the first takes its commands")
     return first

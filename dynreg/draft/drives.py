@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from dynreg.sim.excitation import FREE
-from dynreg.sim.held import JOINT
+from dynreg.sim.held import JOINT, switched_on
 
 SAME = 1e-6  # of a gain of 1, with which a motor's command is its torque
 QUICK = 30.0  # rad/s^2 or m/s^2 that a guessed drive can give its joint, besides holding it
@@ -26,7 +26,8 @@ class Drive:
     kind : "position", "velocity", "torque" or "dcmotor". gain : of position and torque. rate_gain : of position and
     velocity. kt, resistance : of a dcmotor. limit : None where there is none. low, high : of the command; None where
     nothing limits it: a joint's stops do not. usual : whether these are a guess at what is usual, no limits. lag : time
-    constant [s] of the actuator's own filter. scale, offset : the command is scale * (what a log holds) + offset; those
+    constant [s] of the actuator's own filter. holds : between which commands what that filter holds stays; None where
+    nothing limits it. scale, offset : the command is scale * (what a log holds) + offset; those
     of the actuator's control where nothing tells otherwise.
     actuator : the name of the model's own; "" where it has none. said : where the numbers come from. guessed : whether
     its gains are guesses. measured : the gains that a log's torques follow, and "torque_limit" where they stop at it.
@@ -43,6 +44,7 @@ class Drive:
     high: float | None = None
     usual: bool = False
     lag: float = 0.0
+    holds: tuple[float, float] | None = None
     scale: float = 1.0
     offset: float = 0.0
     actuator: str = ""
@@ -86,6 +88,7 @@ def understood(model: mujoco.MjModel, a: int, joint: int) -> Drive | None:
         "torque",
         limit=_limit(model, a, joint),
         lag=lag,
+        holds=tuple(model.actuator_actrange[a].tolist()) if lag and model.actuator_actlimited[a] else None,
         actuator=model.actuator(a).name,
     )
     low, high = _control_range(model, a)
@@ -137,7 +140,7 @@ def joint_limit(model: mujoco.MjModel, joint: int) -> list[float]:
 def force_range(model: mujoco.MjModel, joint: int) -> tuple[float, float]:
     """Between which forces [N*m or N] the model keeps the actuators of a joint; infinite where it does not."""
     mine = (model.actuator_trnid[:, 0] == joint) & np.isin(model.actuator_trntype, JOINT)
-    limited = np.flatnonzero(mine & (model.actuator_forcelimited > 0))
+    limited = np.flatnonzero(mine & (model.actuator_forcelimited > 0) & switched_on(model))
     ends = [np.sort(model.actuator_gear[a, 0] * model.actuator_forcerange[a]) for a in limited]
     if joint_limit(model, joint):
         ends.append(model.jnt_actfrcrange[joint])
@@ -166,11 +169,13 @@ def reach_of(model: mujoco.MjModel, drive: Drive) -> float:
 
 def _ranged(drive: Drive, low: float | None, high: float | None, scale: float, offset: float) -> Drive:
     """The drive whose command is scale * control + offset, controls being in [low, high]."""
-    drive = replace(drive, scale=scale, offset=offset)
+    ends = lambda pair: tuple(sorted(scale * end + offset for end in pair))  # noqa: E731
+    holds = None if drive.holds is None else ends(drive.holds)
+    drive = replace(drive, scale=scale, offset=offset, holds=holds)
     if low is None or high is None:
         return drive
-    ends = sorted((scale * low + offset, scale * high + offset))
-    return replace(drive, low=ends[0], high=ends[1])
+    low, high = ends((low, high))
+    return replace(drive, low=low, high=high)
 
 
 def effective_inertia(model: mujoco.MjModel, joint: int) -> tuple[float, float]:

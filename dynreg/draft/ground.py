@@ -7,7 +7,7 @@ import numpy as np
 
 from dynreg.draft.entry import Notes
 from dynreg.draft.opened import Opened, free_name
-from dynreg.sim.engines.mujoco_reset import lowest, touching
+from dynreg.sim.engines.mujoco_reset import lowest, scenery, touching
 
 NEAR = 0.03  # m above the lowest point of a robot in which its feet are
 GRAVITY = 9.81  # m/s^2
@@ -30,7 +30,7 @@ def add_ground(opened: Opened, base: int, notes: Notes) -> None:
     """Put a plane under a robot with a free base where the model has nothing that it could stand on."""
     model = opened.compiled()
     own = touching(model, int(model.jnt_bodyid[base])) if base >= 0 else np.zeros(0, dtype=int)
-    if base < 0 or len(_scene(model, own)):
+    if base < 0 or len(scenery(model, own)):
         return
     name = free_name("ground", opened.spec.geoms)
     plane = opened.spec.worldbody.add_geom(
@@ -49,7 +49,7 @@ def add_ground(opened: Opened, base: int, notes: Notes) -> None:
 def ground_of(model: mujoco.MjModel, base: int, qpos: np.ndarray) -> Ground | None:
     """What the robot on the free joint `base` touches first from the pose `qpos`; None where it touches nothing."""
     own = touching(model, int(model.jnt_bodyid[base]))
-    scene = _scene(model, own)
+    scene = scenery(model, own)
     if not len(own) or not len(scene):
         return None
     low = _heights(model, qpos, own)
@@ -65,20 +65,6 @@ def standing_height(model: mujoco.MjModel, base: int, qpos: np.ndarray) -> float
     """Height of the base [m] where the robot's lowest point touches the ground, in the pose `qpos`."""
     low = _heights(model, qpos, touching(model, int(model.jnt_bodyid[base])))
     return float(qpos[model.jnt_qposadr[base] + 2]) - float(low.min() if len(low) else 0.0)
-
-
-def _scene(model: mujoco.MjModel, own: np.ndarray) -> np.ndarray:
-    """Geoms of the world that those of the robot can touch."""
-    still = np.flatnonzero(model.body_weldid[model.geom_bodyid] == 0)
-    meets = [
-        g
-        for g in still
-        if (
-            (model.geom_contype[g] & model.geom_conaffinity[own])
-            | (model.geom_conaffinity[g] & model.geom_contype[own])
-        ).any()
-    ]
-    return np.array(meets, dtype=int)
 
 
 def _heights(model: mujoco.MjModel, qpos: np.ndarray, geoms: np.ndarray) -> np.ndarray:

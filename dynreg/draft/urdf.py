@@ -43,6 +43,7 @@ def plain_urdf(text: str, held: Held, notes: Notes) -> tuple[str, dict[str, byte
         ) from None
     assets = _with_meshes(root, held, notes)
     _without_flat(root, notes)
+    _say_speeds(root, notes)
     for old in root.findall("mujoco"):
         root.remove(old)
     ET.SubElement(ET.SubElement(root, "mujoco"), "compiler", _COMPILER)
@@ -87,6 +88,23 @@ def _without_flat(root: ET.Element, notes: Notes) -> None:
     if flat:
         links = sorted({link.get("name", "") for link, _ in flat})
         notes.add(f"{len(flat)} shapes of size 0 are left out (of {listed(links, 3)})")
+
+
+def _say_speeds(root: ET.Element, notes: Notes) -> None:
+    """A note about the speeds that a URDF allows its joints: MuJoCo reads none, and no drive's law has one."""
+    said = []
+    for joint in root.findall("joint"):
+        limit, follows = joint.find("limit"), joint.find("mimic") is not None
+        with suppress(ValueError):
+            speed = 0.0 if limit is None or follows else float(limit.get("velocity", "0"))
+            if speed > 0:
+                unit = "m/s" if joint.get("type") == "prismatic" else "rad/s"
+                said.append(f"{joint.get('name', '')}: {speed:g} {unit}")
+    if said:
+        notes.add(
+            f"the URDF allows speeds ({listed(said, most=12)}), to which no command of dynreg keeps: compare the rates "
+            "that `excite` tells with them before the robot moves"
+        )
 
 
 def _shapes(root: ET.Element) -> list[tuple[ET.Element, ET.Element]]:

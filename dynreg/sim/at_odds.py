@@ -6,12 +6,19 @@ import mujoco
 import numpy as np
 
 from dynreg.sim.finding import Said
-from dynreg.sim.held import JOINT, SINGLE
+from dynreg.sim.held import JOINT, SINGLE, switched_on
 from dynreg.sim.layout import FILTERS, layout_of
 from dynreg.sim.robot import Robot
 
 NEAR = 1e-6  # m
 PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
+FLAGS = {  # of an MJCF, which switch off what the joint engine has
+    "actuation": mujoco.mjtDisableBit.mjDSBL_ACTUATION,
+    "constraint": mujoco.mjtDisableBit.mjDSBL_CONSTRAINT,
+    "damper": mujoco.mjtDisableBit.mjDSBL_DAMPER,
+    "frictionloss": mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS,
+    "limit": mujoco.mjtDisableBit.mjDSBL_LIMIT,
+}
 
 
 def at_odds(robot: Robot) -> Iterator[Said]:
@@ -42,6 +49,7 @@ def _actuators(robot: Robot) -> Iterator[Said]:
     if not robot.actions:
         return
     model, layout = robot.model, layout_of(robot)
+    on = switched_on(model)
     for action, a, dof in zip(robot.file.actions, layout.action_actuator, layout.action_dof, strict=True):
         joint, odd = int(model.dof_jntid[dof]), []
         gear = float(model.actuator_gear[a, 0])
@@ -50,6 +58,10 @@ def _actuators(robot: Robot) -> Iterator[Said]:
         if model.actuator_actnum[a] and model.actuator_dyntype[a] not in FILTERS:
             odd.append(
                 "has a state of its own, so it does not do what it is told at once: set dyntype to none"
+            )
+        if not on[a]:
+            odd.append(
+                "is switched off by actuatorgroupdisable, so it does nothing: take its group out of that option"
             )
         if model.actuator_history[a].any():
             odd.append(
@@ -81,6 +93,10 @@ def _left_out(robot: Robot) -> Iterator[Said]:
         "gravity compensation": np.full(len(dofs), bool(model.body_gravcomp.any())),
         "equality constraints": np.full(len(dofs), bool(model.eq_active0.any())),
         "drag of air or water (density, viscosity)": np.full(len(dofs), bool(fluid)),
+    }
+    told |= {
+        f'the flag {name}="disable"': np.full(len(dofs), bool(model.opt.disableflags & bit))
+        for name, bit in FLAGS.items()
     }
     lacks = [what for what, where in told.items() if where.any()]
     if lacks:

@@ -147,8 +147,7 @@ def reset_pose(robot: Robot) -> np.ndarray:
     held = targets(robot)
     if not held.any():
         return np.zeros(len(held))
-    qpos = robot.model.qpos0 if robot.keyframe < 0 else robot.model.key_qpos[robot.keyframe]
-    return np.where(held, qpos[layout_of(robot).action_qpos], 0.0)
+    return np.where(held, robot.start[layout_of(robot).action_qpos], 0.0)
 
 
 def command_limits(robot: Robot) -> np.ndarray:

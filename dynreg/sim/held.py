@@ -12,6 +12,13 @@ def scalar_joints(model: mujoco.MjModel) -> list[int]:
     return [j for j in range(model.njnt) if int(model.jnt_type[j]) in SINGLE]
 
 
+def switched_on(model: mujoco.MjModel) -> np.ndarray:
+    """(nu,) which actuators act: those of a group that `actuatorgroupdisable` names do not. Such groups are 0 to 30."""
+    group = model.actuator_group
+    named = np.right_shift(model.opt.disableactuator, np.clip(group, 0, 30)) & 1
+    return (named == 0) | (group < 0) | (group > 30)
+
+
 def held_joints(model: mujoco.MjModel) -> set[int]:
     """Numbers of the joints that an actuator, a tendon or an equality constraint holds, whether or not it is driven."""
     on = [model.actuator_trnid[a, 0] for a in range(model.nu) if int(model.actuator_trntype[a]) in JOINT]

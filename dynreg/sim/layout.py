@@ -9,9 +9,11 @@ from dynreg.data.attitude import euler_angles
 from dynreg.data.names import parts_of
 from dynreg.errors import RobotError
 from dynreg.sim.beside import tracked_bodies
+from dynreg.sim.held import scalar_joints
 from dynreg.sim.robot import Robot
 
 BASE = ("x", "y", "z", "roll", "pitch", "yaw", "vx", "vy", "vz", "wx", "wy", "wz")
+PLACE = tuple(BASE.index(name) for name in ("x", "y", "yaw"))  # where on level ground the base is
 TURN = 2.0 * np.pi  # rad
 FILTERS = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))  # what smooths a command
 
@@ -43,8 +45,9 @@ def layout_of(robot: Robot) -> Layout:
     names of BASE are the floating base's: position and Euler angles in the world, velocities in the body frame.
     """
     model = robot.model
-    joints = {model.joint(j).name: j for j in range(model.njnt)}
+    single = {model.joint(j).name: j for j in scalar_joints(model)}
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
+    joints = single | {model.joint(j).name: j for j in free}  # of a ball joint, no channel tells one number
     base = robot.base
     columns: dict[str, list[tuple[int, int]]] = {"position": [], "velocity": [], "base": []}
     for column, name in enumerate(robot.channels):
@@ -67,7 +70,7 @@ def layout_of(robot: Robot) -> Layout:
         *(tuple(np.array(pairs, dtype=int).reshape(-1, 2).T) for pairs in columns.values()),
         int(model.jnt_qposadr[base]) if base >= 0 else -1,
         int(model.jnt_dofadr[base]) if base >= 0 else -1,
-        *_action_addresses(robot, joints),
+        *_action_addresses(robot, single),
         model.jnt_qposadr[model.body_jntadr[tracked_bodies(robot)]].astype(int),
     )
 
@@ -154,6 +157,13 @@ def base_motion(layout: Layout, qpos: np.ndarray, qvel: np.ndarray) -> np.ndarra
     linear = np.einsum("...ij,...i->...j", rotation, qvel[..., dof : dof + 3])
     angles = np.stack(euler_angles(w, x, y, z), -1)
     return np.concatenate([qpos[..., at : at + 3], angles, linear, qvel[..., dof + 3 : dof + 6]], -1)
+
+
+def start_place(robot: Robot, layout: Layout) -> np.ndarray:
+    """(3,) x and y [m] and yaw [rad] of a floating base where episodes start: as the keyframe has it; 0 without one."""
+    if layout.base_qpos < 0:
+        return np.zeros(3)
+    return base_motion(layout, robot.start, np.zeros(robot.model.nv))[list(PLACE)]
 
 
 def place(layout: Layout, states: np.ndarray, qpos: np.ndarray, qvel: np.ndarray) -> None:

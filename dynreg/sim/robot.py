@@ -104,6 +104,11 @@ class Robot:
         return -1 if name is None else names.index(name)
 
     @property
+    def start(self) -> np.ndarray:
+        """(nq,) the pose of that keyframe, or the model's own."""
+        return self.model.qpos0 if self.keyframe < 0 else self.model.key_qpos[self.keyframe]
+
+    @property
     def tools(self) -> tuple[str, ...]:
         """Names of the tool frames: sites of bodies that move; RobotError where the model has no such site."""
         from dynreg.sim.masses import weight_at

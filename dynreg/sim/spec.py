@@ -400,9 +400,9 @@ class ResetTable(Table):
     base: Literal["keyframe", "measured"] = Field(
         default="keyframe",
         description="Where a floating base begins when a log is replayed. `keyframe`: in the pose that it settled in, "
-        "at the start of an episode alone; the place and heading that the log has there are subtracted from it. "
-        "`measured`: with the attitude, position and velocities that the log has there; without a height its lowest "
-        "point touches the ground.",
+        "at the start of an episode alone, and the log is moved and turned to the place and heading that the keyframe "
+        "has. `measured`: with the attitude, position and velocities that the log has there; without a height its "
+        "lowest point touches the ground.",
     )
 
 

@@ -103,7 +103,7 @@ def base_of(robot: Robot) -> int:
 
 def still(robot: Robot) -> Frames:
     """A robot as its episodes begin: one pose."""
-    return Frames(robot.model, base_of(robot), np.zeros(1), {SIMULATED: _begin(robot)[None]}, {}, {})
+    return Frames(robot.model, base_of(robot), np.zeros(1), {SIMULATED: robot.start[None]}, {}, {})
 
 
 def poses(robot: Robot, states: np.ndarray) -> np.ndarray:
@@ -112,7 +112,7 @@ def poses(robot: Robot, states: np.ndarray) -> np.ndarray:
     What is NaN stays as it was; what no channel tells stays where the robot begins.
     """
     model = robot.model
-    out = np.tile(_begin(robot), (len(states), 1))
+    out = np.tile(robot.start, (len(states), 1))
     joints = {model.joint(j).name: j for j in range(model.njnt)}
     angles: dict[int, dict[str, np.ndarray]] = {}
     for column, name in enumerate(robot.channels):
@@ -130,11 +130,6 @@ def poses(robot: Robot, states: np.ndarray) -> np.ndarray:
         turns = np.stack([told.get(axis, np.zeros(len(states))) for axis in ("yaw", "pitch", "roll")], axis=1)
         out[:, at + 3 : at + 7] = np.roll(Rotation.from_euler("ZYX", turns).as_quat(), 1, axis=1)
     return out
-
-
-def _begin(robot: Robot) -> np.ndarray:
-    model = robot.model
-    return np.array(model.qpos0 if robot.keyframe < 0 else model.key_qpos[robot.keyframe])
 
 
 def _filled(values: np.ndarray) -> np.ndarray | None:

@@ -139,6 +139,75 @@ def test_the_draft_moves_as_the_model_does_in_mujoco(kind, tmp_path):
     np.testing.assert_allclose(states[0, 0, -1, :2], data.qpos, atol=2e-3)
 
 
+@pytest.mark.parametrize("gear", [1.0, -2.0])
+def test_what_a_filter_holds_keeps_to_its_range(gear: float, tmp_path):
+    """MuJoCo cuts off at actrange what an actuator's filter holds, not what it is told."""
+    text = strangers.ARM.format(
+        actuators=f"""<actuator><general joint="shoulder" gear="{gear}" dyntype="filter" dynprm="0.05" gainprm="20"
+        biastype="affine" biasprm="2 -20 -1" actrange="-0.2 0.3" ctrlrange="-2 2"/></actuator>"""
+    )
+    made = drafted(tmp_path, text)
+    model = mujoco.MjModel.from_xml_string(text)
+    ends, count = [], round(0.2 * made.robot.rate)
+    for limited in (1, 0):
+        model.actuator_actlimited[:] = limited
+        data = mujoco.MjData(model)
+        data.ctrl[:] = 1.5
+        mujoco.mj_step(model, data, round(0.2 / model.opt.timestep))
+        ends.append(data.qpos[0])
+    assert abs(ends[0] - ends[1]) > 0.05
+    run = Run(np.full((1, count, 1), (1.5 * 20 + 2) / (20 * gear)))
+    states = rollout(made.robot, made.robot.space.nominal[None], run, engine="mujoco").states
+    np.testing.assert_allclose(states[0, 0, -1, 0], ends[0], atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "frc", "told"),
+    [
+        ("", "", "", False),
+        ('forcerange="-5 5"', "", "", True),
+        ("", 'forcerange="-5 5"', "", True),
+        ("", "", 'actuatorfrcrange="-5 5"', False),
+    ],
+)
+def test_a_damping_servo_beside_a_limited_one_is_told(first, second, frc, told, tmp_path):
+    both = f"""<actuator><position joint="shoulder" kp="40" {first}/><velocity joint="shoulder" kv="2" {second}/>
+      </actuator>"""
+    text = strangers.ARM.format(actuators=both).replace('name="shoulder"', f'name="shoulder" {frc}')
+    made = drafted(tmp_path, text)
+    assert (drive(made, "shoulder").gain, drive(made, "shoulder").rate_gain) == (40.0, 2.0)
+    assert any("limits their forces one by one" in note for note in made.notes) == told
+
+
+@pytest.mark.parametrize(
+    ("off", "action"), [(0, "shoulder/target"), (2, "shoulder/torque"), (1, "shoulder/target")]
+)
+def test_actuators_that_the_model_switches_off_get_no_drive(off: int, action: str, tmp_path):
+    actuators = """<actuator><motor name="m" joint="shoulder" group="0"/>
+      <position name="p" joint="shoulder" group="2" kp="40" kv="2"/></actuator>"""
+    if off == 1:  # nothing is left
+        actuators = actuators.replace('group="0"', 'group="1"').replace('group="2"', 'group="1"')
+    text = strangers.ARM.format(actuators=actuators)
+    text = text.replace("<option ", f'<option actuatorgroupdisable="{off}" ')
+    made = drafted(tmp_path, text)
+    assert made.robot.actions[0] == action and len(made.robot.actions) == (2 if off == 1 else 1)
+    names = {0: "m", 1: "m, p", 2: "p"}[off]
+    assert any(f"switches actuators off ({names}, by" in note for note in made.notes)
+    assert problems(made.robot) == [] and not any("switched off" in said for _, said in doubts(made.robot))
+    run = Run(np.full((1, 20, len(made.robot.actions)), 0.3))
+    moved = rollout(made.robot, made.robot.space.nominal[None], run, engine="mujoco").states[0, 0]
+    still = rollout(made.robot, made.robot.space.nominal[None], Run(-run.actions), engine="mujoco").states[
+        0, 0
+    ]
+    assert np.abs(moved - still).max() > 0.01, "the drive acts"
+
+
+def test_a_delay_that_no_drive_has_is_told(tmp_path):
+    late = strangers.POSITION.replace('kp="40"', 'name="s" kp="40" delay="0.05" nsample="30"')
+    made = drafted(tmp_path, strangers.ARM.format(actuators=late))
+    assert any("delays of actuators are left out (s: 0.05 s)" in note for note in made.notes)
+
+
 def test_a_quadruped_stands_and_has_the_channels_of_its_base(tmp_path):
     made = drafted(tmp_path, MODELS["quadruped"][0])
     assert made.base == "base"

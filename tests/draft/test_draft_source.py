@@ -146,3 +146,12 @@ def test_shapes_without_a_size_are_said_and_left_out(tmp_path: Path):
     model.write_text(strangers.URDF.replace("</link>", flat))
     made = strangers.draft(model, "robot")
     assert any("2 shapes of size 0 are left out" in note for note in made.notes)
+
+
+@pytest.mark.parametrize(("velocity", "told"), [("3", True), ("0", False), ("fast", False)])
+def test_the_speeds_that_a_urdf_allows_are_told(velocity: str, told: bool, tmp_path: Path):
+    path = tmp_path / "robot.urdf"
+    path.write_text(strangers.URDF.replace('velocity="3"', f'velocity="{velocity}"'))
+    read_source(path, None, notes := Notes())
+    said = [line for line in notes.lines if "allows speeds" in line]
+    assert len(said) == told and all("(joint_a: 3 rad/s, joint_b: 3 rad/s)" in line for line in said)

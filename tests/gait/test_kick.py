@@ -9,7 +9,7 @@ import toy_dog
 
 from dynreg.errors import RobotError
 from dynreg.gait.space import gait_space
-from dynreg.gait.tasks import Kick, task_of
+from dynreg.gait.tasks import Kick, Slope, task_of
 from dynreg.gait.trials import Simulators, Trials
 from dynreg.sim.effects.contact import has_ground, left_feet
 from dynreg.sim.gait_tables import TaskTable
@@ -115,6 +115,37 @@ def test_a_simulated_robot_s_ball_lies_where_it_is_laid(dog, trials) -> None:
     still = trials.space.targets(motions(trials)[:1], trials.times)[0]
     real = SimulatedRobot(dog, dog.space.nominal, seed=1, laid=np.array([[0.2, -0.15]]))
     assert real.run(still, dog.rate).walk.bodies[0, 0, -1, 0, :2] == pytest.approx([0.2, -0.15], abs=1e-3)
+
+
+def test_the_keyframe_s_place_and_heading_are_where_the_robot_starts(dog, trials, tmp_path) -> None:
+    """Scenery and balls stay where the model has them; ahead is where the robot looks."""
+    folder = toy_dog.folder(tmp_path / "dog", toy_dog.walking(), MORE, ball=True)
+    text = (folder / "model.xml").read_text()
+    for old, new in (
+        ('qpos="0 0 0.14 1 0 0 0', 'qpos="1 2 0.14 1 0 0 1'),
+        (" 0.125 0.081 0.03 1", " 0.919 2.125 0.03 1"),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    (folder / "model.xml").write_text(text)
+    moved, genes = load_robot(folder), motions(trials)[1:2]
+    told = {"rate": dog.rate, "threads": 1}
+    for task in (
+        trials.task,
+        laid(0.125, 0.081),
+        Slope(TaskTable(name="up", motion="kick", seconds=2.0, values={"angle": 0.2})),
+    ):
+        usual, there = (
+            Trials(robot, task, Simulators(dog.space.nominal[None]), **told).walk(genes)
+            for robot in (dog, moved)
+        )
+        first, turned = there.base[0, 0, 0], np.moveaxis(usual.base[0, 0], -1, 0)
+        assert first[[0, 1]] == pytest.approx([1.0, 2.0]) and first[5] == pytest.approx(np.pi / 2, abs=1e-3)
+        assert there.base[0, 0, :, 0] == pytest.approx(1.0 - turned[1], abs=2e-3)
+        assert there.base[0, 0, :, 1] == pytest.approx(2.0 + turned[0], abs=2e-3)
+        assert task.grade(there) == pytest.approx(task.grade(usual), abs=0.01)
+        ball = usual.bodies[0, 0, :, 0]
+        assert there.bodies[0, 0, 0, 0, :2] == pytest.approx([1.0 - ball[0, 1], 2.0 + ball[0, 0]], abs=1e-3)
 
 
 def test_half_a_place_is_refused() -> None:

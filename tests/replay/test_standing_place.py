@@ -1,6 +1,8 @@
 """A robot on feet is replayed from where it stands and looks at first, and its heading may pass half a turn."""
 
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,6 +25,16 @@ def placed(robot: Robot) -> Robot:
     """It begins where the log says."""
     table = robot.file.reset.model_copy(update={"base": "measured"})
     return replace(robot, file=robot.file.model_copy(update={"reset": table}))
+
+
+def turned(robot: Robot, tmp_path: Path) -> Robot:
+    """Its keyframe has the base elsewhere, looking 2 rad to the left."""
+    folder = Path(shutil.copytree(robot.folder, tmp_path / "quadruped"))
+    text, at = (folder / "model.xml").read_text(), 'qpos="0 0 0.24 1 0 0 0 '
+    assert at in text
+    there = f'qpos="1.5 -0.7 0.24 {np.cos(1.0)} 0 0 {np.sin(1.0)} '
+    (folder / "model.xml").write_text(text.replace(at, there))
+    return load_robot(folder)
 
 
 @pytest.fixture(scope="module")
@@ -113,3 +125,40 @@ def test_a_horizon_cuts_no_window_from_the_middle_where_no_log_places_the_base(
     short = replace(robot, file=robot.file.model_copy(update={"replay": table}))
     assert windows(short, logged(robot, run, states)).rows.tolist() == [[0, 10]]
     assert len(windows(placed(short), logged(robot, run, states))) == 3
+
+
+def test_a_keyframe_away_from_the_origin_is_where_replays_begin(
+    robot: Robot, run: Run, tmp_path: Path
+) -> None:
+    moved = turned(robot, tmp_path)
+    states = rollout(robot, robot.space.nominal[None], run).states[0, 0]
+    begun = from_the_start(moved, states[None])[0]
+    assert begun[0, column(robot, "yaw")] == pytest.approx(2.0)
+    others = np.delete(np.arange(len(robot.channels)), column(robot, "yaw"))
+    assert (begun[:, others] == states[:, others]).all()
+    again = rollout(moved, moved.space.nominal[None], run).states[0, 0]
+    place = [column(robot, name) for name in ("roll", "pitch", "yaw")]
+    assert again[0, place] == pytest.approx(states[0, place] + [0.0, 0.0, 2.0], abs=1e-4)
+    assert missed(moved, logged(robot, run, again)) < 1e-3
+    again[:, column(robot, "yaw")] -= 2.0  # as a log that begins at 0
+    assert missed(moved, logged(robot, run, again)) < 1e-3
+
+
+def test_a_log_is_moved_and_turned_to_the_keyframe_s_place(robot: Robot, tmp_path: Path) -> None:
+    told = [
+        c.model_copy(update={"name": f"base/{q}", "unit": "m"}) for c in robot.file.channels[:1] for q in "xy"
+    ]
+    there = replace(
+        turned(robot, tmp_path),
+        file=robot.file.model_copy(update={"channels": [*told, *robot.file.channels]}),
+    )
+    rows = np.zeros((2, 3, len(there.channels)))
+    yaw = there.channels.index("base/yaw")
+    rows[0, :, 1], rows[0, :, yaw] = [4.0, 5.0, 4.0], np.pi / 2  # it goes ahead
+    rows[1, :, :2] = [[1.5, -0.7], [np.nan, np.nan], [2.5, 0.0]]
+    rows[1, 0, yaw] = 2.0
+    out = from_the_start(there, rows)
+    start = np.array([1.5, -0.7])
+    assert out[0, :, :2] == pytest.approx(start + np.outer([0, 1, 0], [np.cos(2.0), np.sin(2.0)]))
+    assert out[0, :, yaw] == pytest.approx(2.0)
+    assert np.array_equal(out[1], rows[1], equal_nan=True)

@@ -285,6 +285,7 @@ def test_a_drive_too_fast_for_the_time_step_is_named(
     assert ratio > 1.0 and lower == pytest.approx(0.5 * float(rate_gain) / ratio, rel=0.1)
 
 
+OFF = '<option><flag {}="disable"/></option><worldbody>'
 TENDON = '</actuator><tendon><fixed {}><joint joint="elbow" coef="1"/></fixed></tendon>'
 
 
@@ -309,6 +310,18 @@ TENDON = '</actuator><tendon><fixed {}><joint joint="elbow" coef="1"/></fixed></
         ('name="elbow" axis', 'name="elbow" damping="0 1" axis', "leaves out damping that grows with speed"),
         ('joint="elbow"', 'joint="elbow" damping="1"', "engine joint leaves out damping of actuators"),
         ("gravity=", 'density="1.2" gravity=', "leaves out drag of air or water (density, viscosity)"),
+        (
+            "<worldbody>",
+            OFF.format("frictionloss"),
+            'engine joint leaves out the flag frictionloss="disable" of',
+        ),
+        ("<worldbody>", OFF.format("limit"), 'engine joint leaves out the flag limit="disable" of'),
+        ("<worldbody>", OFF.format("damper"), 'engine joint leaves out the flag damper="disable" of'),
+        (
+            "<worldbody>",
+            '<option actuatorgroupdisable="0"/><worldbody>',
+            "'elbow/torque' is switched off by actuatorgroupdisable",
+        ),
     ],
     ids=[
         "gear",
@@ -321,6 +334,10 @@ TENDON = '</actuator><tendon><fixed {}><joint joint="elbow" coef="1"/></fixed></
         "quadratic damping",
         "actuator damping",
         "fluid",
+        "friction off",
+        "stops off",
+        "damping off",
+        "actuators off",
     ],
 )
 def test_a_model_that_does_something_else_than_robot_toml_says_is_told(
@@ -422,3 +439,23 @@ sets = ["port.drive.gain_factor *="]
     ]
     assert len(high) == 1 and "a height of 0.5 m" in high[0]
     assert not any("the ground is at" in message for message in told(base='<freejoint name="base"/>'))
+
+
+BALL = """<worldbody><body name="arm"><joint name="ball" type="ball"/><geom size="0.1" mass="1"/></body>"""
+
+
+@pytest.mark.parametrize("table", ["channels", "actions"])
+def test_one_number_of_a_ball_joint_is_refused(write_robot: Callable[..., Path], table: str) -> None:
+    """The first number of its quaternion was taken for an angle."""
+    xml = ARM_XML.replace("<worldbody>", BALL).replace(
+        "</actuator>", '<motor name="ball" joint="ball" gear="0 1 0"/></actuator>'
+    )
+    name, unit = ("ball/position", "rad") if table == "channels" else ("ball/torque", "N*m")
+    entry = f'[[{table}]]\nname = "{name}"\nunit = "{unit}"\n\n'
+    if table == "actions":
+        entry += '[[drives]]\njoint = "ball"\ntype = "torque"\n\n'
+    folder = write_robot(("[[settings]]", entry + "[[settings]]"), xml=xml)
+    errors = [str(finding) for finding in inspect_robot(folder) if finding.severity == "error"]
+    assert any(f"{table[:-1]} '{name}' is not in the model; expected one of [" in line for line in errors), (
+        errors
+    )

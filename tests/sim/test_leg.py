@@ -1,11 +1,13 @@
 """The packaged leg: it hangs in the air or stands, whatever pose it starts in."""
 
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from dynreg.sim.engines import rollout
+from dynreg.sim.engines import Arena, rollout
 from dynreg.sim.excitation import excitation, reset_pose
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
@@ -61,3 +63,28 @@ def test_no_start_is_inside_the_ground(leg: Robot):
     speeds = [leg.channels.index(f"{j}/velocity") for j in ("hip_roll", "hip_pitch", "knee")]
     assert np.abs(states[:, speeds]).max() < 1.0
     np.testing.assert_array_equal(states[0, :3], straight)
+
+
+@pytest.mark.parametrize(
+    ("ground", "height"),
+    [
+        ('pos="0 0 -1" conaffinity="1"', -np.inf),
+        ('pos="0 0 0.05" conaffinity="1"', 0.05),
+        ('conaffinity="4"', -np.inf),  # which the foot does not touch
+        ('quat="1 0.4 0 0" conaffinity="1"', 0.0),  # how high a slope is, nothing tells
+    ],
+)
+def test_the_carriage_is_lifted_onto_a_ground_that_the_leg_can_touch(
+    ground: str, height: float, tmp_path: Path
+):
+    folder = Path(shutil.copytree(load_robot("leg").folder, tmp_path / "leg"))
+    text, old = (folder / "model.xml").read_text(), 'type="plane" size="1 1 0.1" conaffinity="1"'
+    assert old in text
+    (folder / "model.xml").write_text(text.replace(old, f'type="plane" size="1 1 0.1" {ground}'))
+    there, start = load_robot(folder), np.array([0.0, 0.1, -0.2])
+    known = np.full((1, len(there.channels)), np.nan)
+    known[0, [there.channels.index(f"{j}/position") for j in ("hip_roll", "hip_pitch", "knee")]] = start
+    run = Run(np.tile(start, (1, 1, 1)), settings=np.array([[GROUND]]), initial=known)
+    begun = Arena(there, there.space.nominal[None], run, threads=1).poses(run)[0, 0, 0, 0]
+    lowest = GROUND - 0.28 * np.cos(0.1) - 0.015
+    assert begun == pytest.approx(max(height - lowest, 0.0), abs=1e-6)

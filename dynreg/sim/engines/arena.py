@@ -26,7 +26,7 @@ from dynreg.sim.engines.mujoco_model import (
 from dynreg.sim.engines.mujoco_reset import foot_spheres, named_geoms, reset
 from dynreg.sim.engines.mujoco_steps import Drives, EffectSteps, Steps, busy_simulations
 from dynreg.sim.fields import own_field
-from dynreg.sim.layout import Layout, base_motion, filters, headed, observe
+from dynreg.sim.layout import Layout, base_motion, filters, headed, observe, start_place
 from dynreg.sim.ports import law_changes, servo_law
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run, Simulated, Walk
@@ -40,7 +40,8 @@ class Simulations:
 
     `run` has an episode for each; it gives all but the commands: settings, inputs, initial states, period, noise.
     slope : angle [rad] of the ground, rising ahead of the robot: gravity is turned. laid : (n, 2) where the first n of
-    the tracked bodies lie [m], x and y of a world in which the base starts at 0; by default as the model has them.
+    the tracked bodies lie [m], ahead and to the left of where the keyframe has the base; by default as the model has
+    them.
     """
 
     def __init__(
@@ -63,11 +64,10 @@ class Simulations:
         self._active = acting(robot, terms)
         configure_terms(robot, self._active, ports, batch.expand)
         self._active = with_drives(self._active, robot, ports)
+        *place, heading = start_place(robot, self.layout)
+        ahead = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
         if slope:
-            gravity = batch.expand("opt.gravity")
-            ahead, up = gravity[:, 0].copy(), gravity[:, 2].copy()  # a tilted base has some ahead already
-            gravity[:, 0] = np.cos(slope) * ahead + np.sin(slope) * up
-            gravity[:, 2] = np.cos(slope) * up - np.sin(slope) * ahead
+            _tilt(batch.expand("opt.gravity"), slope, ahead)
         self._inputs = episode_inputs(robot, run)
         self._drives = Drives(batch, self.layout, ports)
         self.power(self._inputs[:, 0])
@@ -82,7 +82,9 @@ class Simulations:
         told += [] if run.settings is None else [run.settings]
         reset(robot, batch, model, self.layout, run, ports, told)
         if laid is not None:
-            batch.bind("qpos")[:, self.layout.tracked[: len(laid), None] + np.arange(2)] = laid
+            batch.bind("qpos")[:, self.layout.tracked[: len(laid), None] + np.arange(2)] = (
+                place + laid @ ahead
+            )
         for a in on(self._active, "begin"):
             a.effect.begin(robot, batch, a.rows)
         self._start = {name: batch.bind(name).copy() for name in _KEPT}
@@ -212,6 +214,15 @@ class Simulations:
             return Steps(batch, self.layout, self._drives, clock, self._busy)
         effects = (self._active, self.ports, self._inertia)
         return EffectSteps(batch, self.layout, self._drives, clock, self._busy, *effects)
+
+
+def _tilt(gravity: np.ndarray, slope: float, ahead: np.ndarray) -> None:
+    """Turn gravity (n, 3), in place, as on ground that rises by `slope` [rad] along the first row of `ahead` (2, 2)."""
+    level = gravity[:, :2] @ ahead.T  # a tilted base has some ahead already
+    up = gravity[:, 2].copy()
+    gravity[:, 2] = np.cos(slope) * up - np.sin(slope) * level[:, 0]
+    level[:, 0] = np.cos(slope) * level[:, 0] + np.sin(slope) * up
+    gravity[:, :2] = level @ ahead
 
 
 def _walk(

@@ -6,10 +6,12 @@ from mujoco.batch import Batch
 
 from dynreg.sim.engines.acting import true_states
 from dynreg.sim.fields import own_field
-from dynreg.sim.layout import Layout, filters, place, place_base
+from dynreg.sim.layout import Layout, filters, place, place_base, start_place
 from dynreg.sim.ports import Ports, takes_positions
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
+
+LEVEL = 0.99  # of an axis, how far up it points
 
 
 def reset(
@@ -42,8 +44,8 @@ def reset(
             batch.step(ids=np.sort(first[steps[first] == count]), nstep=int(count))
         qpos[:], qvel[:], act[:] = qpos[first[alike]], qvel[first[alike]], act[first[alike]]
         batch.bind("qacc_warmstart")[:] = 0.0  # of the episode that settled: it would start unlike the others
-    if layout.base_qpos >= 0:
-        qpos[:, layout.base_qpos : layout.base_qpos + 2] = 0.0
+    if layout.base_qpos >= 0:  # what settled has moved a little
+        qpos[:, layout.base_qpos : layout.base_qpos + 2] = start_place(robot, layout)[:2]
     if run.initial is not None:
         states = true_states(robot, run.initial, ports)
         place(layout, states, qpos, qvel)
@@ -54,7 +56,8 @@ def reset(
     rail = _rail(model, layout)
     if rail >= 0:
         carriage = int(model.jnt_bodyid[np.searchsorted(model.jnt_qposadr, rail)])
-        qpos[:, rail] += np.maximum(-_clearance(batch, model, carriage), 0.0)
+        ground = _ground(model, touching(model, carriage))
+        qpos[:, rail] += np.maximum(ground - _clearance(batch, model, carriage), 0.0)
 
 
 def _alike(told: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -74,11 +77,24 @@ def _rail(model: mujoco.MjModel, layout: Layout) -> int:
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     for joint in range(model.njnt):
-        slide = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE and data.xaxis[joint, 2] > 0.99
+        slide = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE and data.xaxis[joint, 2] > LEVEL
         on_world = model.body_parentid[model.jnt_bodyid[joint]] == 0
         if slide and on_world and model.jnt_qposadr[joint] not in known:
             return int(model.jnt_qposadr[joint])
     return -1
+
+
+def _ground(model: mujoco.MjModel, own: np.ndarray) -> float:
+    """Height [m] of the highest level plane that geoms `own` can touch; -inf where they can touch nothing of the world.
+
+    0 where it has other shapes alone: which of those is a ground, nothing tells.
+    """
+    scene, data = scenery(model, own), mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    up = data.geom_xmat[scene, 8]
+    planes = scene[(model.geom_type[scene] == mujoco.mjtGeom.mjGEOM_PLANE) & (up > LEVEL)]
+    heights = data.geom_xpos[planes, 2] if len(planes) else np.zeros(min(len(scene), 1))
+    return float(max(heights, default=-np.inf))
 
 
 def foot_spheres(model: mujoco.MjModel) -> np.ndarray:
@@ -114,6 +130,20 @@ def touching(model: mujoco.MjModel, root: int) -> np.ndarray:
     """Numbers of the geoms on body `root` and on what it carries that can touch others."""
     carried = model.body_rootid[model.geom_bodyid] == model.body_rootid[root]
     return np.flatnonzero(carried & _collides(model))
+
+
+def scenery(model: mujoco.MjModel, own: np.ndarray) -> np.ndarray:
+    """Numbers of the geoms of the world that those of the robot (their numbers) can touch."""
+    still = np.flatnonzero(model.body_weldid[model.geom_bodyid] == 0)
+    meets = [
+        g
+        for g in still
+        if (
+            (model.geom_contype[g] & model.geom_conaffinity[own])
+            | (model.geom_conaffinity[g] & model.geom_contype[own])
+        ).any()
+    ]
+    return np.array(meets, dtype=int)
 
 
 def _collides(model: mujoco.MjModel) -> np.ndarray:
