@@ -154,7 +154,7 @@ class Call:
         if isinstance(shown, Group):
             return Group(*map(self._completed, shown.renderables))
         if isinstance(shown, Text) and (whole := self.here(shown.plain)) != shown.plain:
-            return Text(whole, style=shown.style)
+            return Text("\n".join(map(visible, whole.split("\n"))), style=shown.style)
         return shown
 
     def emit(

@@ -3,7 +3,7 @@
 import codecs
 import csv as text_csv
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from io import BytesIO
 from typing import Any, BinaryIO
 
@@ -62,7 +62,7 @@ def _gather(stream: BinaryIO, table: Columns, texts: tuple[str, ...]) -> None:
             read_options=csv.ReadOptions(
                 use_threads=False, block_size=len(block) + 1, column_names=list(table.names)
             ),
-            parse_options=csv.ParseOptions(delimiter=delimiter, invalid_row_handler=_skip_comment),
+            parse_options=csv.ParseOptions(delimiter=delimiter, invalid_row_handler=_handler(block)),
             convert_options=csv.ConvertOptions(
                 null_values=list(EMPTY),
                 decimal_point=table.point,
@@ -71,6 +71,14 @@ def _gather(stream: BinaryIO, table: Columns, texts: tuple[str, ...]) -> None:
             ),
         )
         table.add(rows)
+
+
+def _handler(block: bytes) -> Callable[[Any], str] | None:
+    """What decides on rows of another length; pyarrow writes a traceback where it cannot give it the row as text."""
+    try:
+        return _skip_comment if b"#" in block and block.decode() else None
+    except UnicodeDecodeError:
+        return None
 
 
 def _skip_comment(row: Any) -> str:
