@@ -172,7 +172,7 @@ class Call:
             sys.stdout.write(result.to_json() + "\n")
         else:
             out = console()
-            out.print(self._completed(render(result)) if shown is None else shown)
+            out.print(self._completed(render(result) if shown is None else shown))
             if hint and not self.quiet:
                 first, *others = (visible(self.here(h)) for h in ([hint] if isinstance(hint, str) else hint))
                 out.print("\n".join([f"next: {first}", *(f"  or: {one}" for one in others)]))

@@ -24,6 +24,10 @@ def clocked(signals: Sequence[Offer]) -> tuple[str, ...]:
 def shared(log: RawLog, signals: Sequence[Offer]) -> Iterator[Finding]:
     """Topics on which several send by turns, so that their stamps run back, and whose items are whose."""
     for topic in dict.fromkeys(offer.topic for offer in signals if _named(offer)):
+        every = [series for name, series in log.sources.items() if log.topic_of(name) == topic]
+        back = int((np.diff(max(every, key=len).time) < 0).sum())
+        if not back:
+            continue
         longest: dict[str, Offer] = {}
         for offer in signals:
             if offer.topic == topic and _named(offer):
@@ -31,9 +35,7 @@ def shared(log: RawLog, signals: Sequence[Offer]) -> Iterator[Finding]:
         senders: dict[bytes, list[str]] = {}
         for item, offer in longest.items():
             senders.setdefault(offer.series.time.tobytes(), []).append(item)
-        every = [series for name, series in log.sources.items() if log.topic_of(name) == topic]
-        back = int((np.diff(max(every, key=len).time) < 0).sum())
-        if back and len(senders) > 1:
+        if len(senders) > 1:
             text = (
                 f"the stamps of this topic run back {back} times, for {len(senders)} senders share it, each with its "
                 f"own stamps: {' and '.join(map(_listed, senders.values()))}; in a map, name the items"

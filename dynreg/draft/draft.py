@@ -40,14 +40,13 @@ from dynreg.draft.tables import (
     drive_tables,
     effort_unit,
     keyframe_of,
-    pose_of,
 )
 from dynreg.draft.text import toml_of
 from dynreg.draft.trial import Make, with_engines, with_finer_step, with_sound_ranges, with_time_step
 from dynreg.errors import RobotError
 from dynreg.folder import TOML, Folder
 from dynreg.sim.base import base_joint
-from dynreg.sim.held import scalar_joints
+from dynreg.sim.held import pose_of, scalar_joints
 from dynreg.sim.masses import moving_sites
 from dynreg.sim.mjcf import model_files, trust_model
 from dynreg.sim.robot import Robot, robot_of

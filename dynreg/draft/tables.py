@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
-import numpy as np
 
 from dynreg.draft.drives import Drive, is_hinge, name_of, reach_of
 from dynreg.draft.entry import Entry
@@ -166,8 +165,3 @@ def keyframe_of(model: mujoco.MjModel) -> int:
     usual = [k for word in STANDING for k, name in enumerate(names) if word in name]
     named = [k for k, name in enumerate(names) if name]
     return (usual or named or [-1])[0]
-
-
-def pose_of(model: mujoco.MjModel, key: int) -> np.ndarray:
-    """(nq,) the pose that episodes begin from."""
-    return np.array(model.qpos0 if key < 0 else model.key_qpos[key])

@@ -1,4 +1,4 @@
-"""Which joints of a model something else moves than their own motion: an actuator, a tendon, an equality constraint."""
+"""Facts of a MuJoCo model: a keyframe's pose, which actuators act, and which joints something else holds."""
 
 import mujoco
 import numpy as np
@@ -10,6 +10,11 @@ JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 def scalar_joints(model: mujoco.MjModel) -> list[int]:
     """Numbers of the hinges and slides."""
     return [j for j in range(model.njnt) if int(model.jnt_type[j]) in SINGLE]
+
+
+def pose_of(model: mujoco.MjModel, key: int) -> np.ndarray:
+    """(nq,) the pose of a keyframe, by its number; below 0 the model's own."""
+    return np.array(model.qpos0 if key < 0 else model.key_qpos[key])
 
 
 def switched_on(model: mujoco.MjModel) -> np.ndarray:

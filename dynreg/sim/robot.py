@@ -106,7 +106,9 @@ class Robot:
     @property
     def start(self) -> np.ndarray:
         """(nq,) the pose of that keyframe, or the model's own."""
-        return self.model.qpos0 if self.keyframe < 0 else self.model.key_qpos[self.keyframe]
+        from dynreg.sim.held import pose_of
+
+        return pose_of(self.model, self.keyframe)
 
     @property
     def tools(self) -> tuple[str, ...]:

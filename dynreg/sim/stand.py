@@ -120,7 +120,6 @@ def _held(robot: Robot, base: int) -> str:
     """
     model = robot.model
     body, at = int(model.jnt_bodyid[base]), int(model.jnt_qposadr[base])
-    pose = model.qpos0 if robot.keyframe < 0 else model.key_qpos[robot.keyframe]
     spec = _spec(robot)
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
     lost = {"qpos": (model.jnt_qposadr[free], 7), "qvel": (model.jnt_dofadr[free], 6)}
@@ -138,7 +137,7 @@ def _held(robot: Robot, base: int) -> str:
     held.pos = [0.0, 0.0, ABOVE * _reach(model, body)]
     # an `euler` of the model would win over its quat
     held.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
-    held.quat = pose[at + 3 : at + 7]
+    held.quat = robot.start[at + 3 : at + 7]
     return spec.to_xml()
 
 

@@ -1,8 +1,7 @@
 """The simulators in which the search for a gait evaluates it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -147,7 +146,7 @@ def _posterior(
     answer = _kept(asked, judged(subject, found)).answer
     values = drawn(subject.case, found, many, stream_seed(seed, "gait simulators"))
     source = asked.registry.latest("neighbours", asked.recording.id).id
-    made = _made(asked, values[1:], POSTERIOR, queried(asked, "gait", subject.case.data.named))
+    made = _made(asked, values[1:], POSTERIOR, **queried(asked, "gait", subject.case.data.named))
     return Chosen(
         POSTERIOR, ("answer", *made.kinds), (*simulators_named(asked, [answer]), *made.simulators), source
     )
@@ -184,9 +183,7 @@ _MADE: dict[str, Callable[[Recorded, QuerySettings, int], Chosen]] = {
 }
 
 
-def _made(
-    asked: Recorded, values: np.ndarray, kind: str, origin: Mapping[str, Any] = MappingProxyType({})
-) -> Chosen:
+def _made(asked: Recorded, values: np.ndarray, kind: str, **origin: Any) -> Chosen:
     """Simulators with parameters (k, P), registered. origin : what of recordings shaped them; see `shaped.queried`."""
     robot, lineage = asked.robot, {"made_by": "gait", "kind": kind} | origin
     configs = [SimConfig.of(robot, row) for row in values]

@@ -24,8 +24,11 @@ def origin_of(asked: "Recorded", made_by: str) -> dict[str, Any]:
 
 
 def queried(asked: "Recorded", made_by: str, parts: Mapping[str, Sequence[str]]) -> dict[str, Any]:
-    """The same of one that a query made, with the episodes of the `parts` that it was fitted to and chosen by."""
-    return origin_of(asked, made_by) | {"episodes": sorted(_fitted({"parts": parts}))}
+    """The same of one that a query made, with the episodes that it was fitted to or chosen by.
+
+    parts : {"fit", "select"}: names of episodes, or of windows of them.
+    """
+    return origin_of(asked, made_by) | {"episodes": sorted(_shaping(parts))}
 
 
 def shaped(registry: "Registry", found: Simulator, recording: str) -> frozenset[str] | None:
@@ -80,13 +83,13 @@ def newest_telling(
 
 
 def _fitted(document: Document) -> frozenset[str] | None:
-    """Names of the episodes that a result's simulator was fitted to or chosen by; None where it does not say.
-
-    Parts are told by episode, or as "episode[3]" where an episode was cut into windows.
-    """
+    """Names of the episodes that a result's simulator was fitted to or chosen by; None where it does not say."""
     parts = document.get("parts")
-    if parts is None:
-        return None
+    return None if parts is None else _shaping(parts)
+
+
+def _shaping(parts: Mapping[str, Sequence[str]]) -> frozenset[str]:
+    """The episodes of fit and select, which are told by name, or as "episode[3]" where they were cut into windows."""
     return frozenset(episode_of(name) for name in (*parts["fit"], *parts["select"]))
 
 

@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import made_up_drift
+import made_up_results
 import pytest
 
 from dynreg.cli.schemas import model_of
@@ -82,9 +83,12 @@ def test_drift_answers_in_json_and_in_tables(dynreg, asked) -> None:
     assert "record left +0.19, right +0.19 m/s" in ended.out and "monday has none of these" in ended.out
 
 
-def test_a_step_repeats_the_registry_that_was_asked(dynreg, asked) -> None:
-    """Typed as shown it asked the usual registry, or none."""
-    ended = dynreg("drift", "friday", "--registry", "else where")
+@pytest.mark.parametrize("line", ["drift friday", "show @last"])
+def test_a_step_repeats_the_registry_that_was_asked(line: str, dynreg, asked) -> None:
+    """Typed as shown it asked the usual registry, or none; also where the result is shown again."""
+    stored = made_up_results.entry().model_copy(update={"kind": "result", "name": "drift"})
+    asked.answers |= {"show": stored, "result": made_up_drift.drift()}
+    ended = dynreg(*line.split(), "--registry", "else where")
     step = " ".join(ended.out.split()).split("dynreg drift friday --against monday --out")[1]
     assert "--registry 'else where'" in step.split(" next: ")[0]
 

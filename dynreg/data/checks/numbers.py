@@ -76,8 +76,7 @@ def check_range(
     if channel.unit == "rad" and not bounds and turned > TURNS:
         text = f"reaches {largest:.4g} rad, {largest / (2 * np.pi):.3g} turns: degrees?"
         yield Finding("warning", "units", where, text)
-    flags = np.isin(values, (0.0, 1.0))
-    if channel.kind == "enable" and not flags.all():
+    if channel.kind == "enable" and not (flags := np.isin(values, (0.0, 1.0))).all():
         text = f"a flag with values other than 0 and 1, such as {values[np.argmin(flags)]:.4g}"
         do = "correct its `source` in the map, or leave the channel out"
         yield Finding("error", "units", where, f"{text}: {do}")

@@ -47,12 +47,14 @@ def spelled(text: str, point: str = ".") -> int | float | str | None:
 
     point : what stands between the whole of a number and its parts.
 
-    >>> spelled("7"), spelled(" 0,5", ","), spelled(""), spelled("ERR")
-    (7, 0.5, None, 'ERR')
+    >>> spelled("7"), spelled(" 0,5", ","), spelled(""), spelled("ERR"), spelled("1_2")
+    (7, 0.5, None, 'ERR', '1_2')
     """
     plain = text.strip().replace(point, ".")
     if plain in EMPTY:
         return None
+    if "_" in plain:  # Python reads 1_2 as 12; who numbers runs so does not
+        return text
     try:
         value = float(plain)
     except ValueError:
