@@ -4,18 +4,22 @@ Ten hidden robots. Each calibration fits the walks of group A; the error is that
 group B, which neither saw: the root of the mean square, where 0.1 rad/s counts as 10 mm/s. All parameters at once are
 fitted to what counts, the velocities, by the evolution strategy of the last stage or by CMA-ES. An air recording is
 cheap to simulate, so simulated seconds stand beside the simulators. The interval is of 90 %, bootstrap over robots.
+`--searches` names a folder that keeps what each search has done, so an interrupted robot goes on where it was.
 """
 
 import argparse
 import tempfile
-import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import aibo
 import numpy as np
 from bootstrap import interval
 from journal import Journal
 from kept import RESULTS, keep
+from searches import kept_searches, spent
 from staged_runs import calibrated, deviations, held_out
 
 import dynreg
@@ -44,6 +48,7 @@ def at_once(
             encoding="utf-8",
         )
         told = {"hold_out": ",".join(held_out(walks)), "seed": seed, "threads": given.threads}
+        told["resume"] = given.resume
         found = session.calibrate("walks", method="staged", plan=path, robot=robot, **told)
     values = {name: one.value for name, one in found.parameters.items()}
     return robot.space.from_dict(values), found.cost.rollouts
@@ -55,23 +60,28 @@ def error(groups: dict, group: str) -> float:
     return float(np.sqrt(x**2 + y**2 + (ROTATION * np.deg2rad(turn)) ** 2))
 
 
-def compared(seed: int, given: argparse.Namespace) -> dict:
-    """{arm: errors of A and B, core seconds} of a hidden robot."""
-    hidden, spent, ran = aibo.hidden(seed), {}, {}
+def compared(seed: int, given: argparse.Namespace, searches: Path) -> dict:
+    """{arm: errors of A and B, core seconds} of a hidden robot, whose searches are kept in a folder."""
+    hidden, ends, ran, took = aibo.hidden(seed), {}, {}, {}
     with tempfile.TemporaryDirectory() as folder, dynreg.open(Path(folder) / "registry") as session:
-        began = time.process_time()
-        found, ran["staged"] = calibrated(session, given, hidden)
-        spent["staged"] = time.process_time() - began
-        ends = {"initial": found["initial"], "staged": found["walks"]}
+
+        def timed(arm: str, search: Callable[[], tuple]) -> Any:
+            """What a search found, and what it ran and took with all its interrupted runs."""
+            given.resume = any((searches / arm).glob("*.jsonl"))
+            with kept_searches(session.registry.journal_path("").parent, searches / arm):
+                found, ran[arm] = search()
+            took[arm] = spent(searches / arm)["core seconds"]
+            return found
+
+        stages = timed("staged", lambda: calibrated(session, given, hidden))
+        ends |= {"initial": stages["initial"], "staged": stages["walks"]}
         for arm in given.arms:
-            began = time.process_time()
-            ends[arm], ran[arm] = at_once(session, arm, ran["staged"], given, seed)
-            spent[arm] = time.process_time() - began
+            ends[arm] = timed(arm, partial(at_once, session, arm, ran["staged"], given, seed))
         table = deviations(hidden, session, ends, given.threads)
     return {
         "rollouts": ran,
         "errors": {arm: {g: error(table[arm], g) for g in ("A", "B")} for arm in ends},
-        "core seconds": spent,
+        "core seconds": took,
     }
 
 
@@ -105,16 +115,19 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=REPORT)
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--journal", type=Path, default=RESULTS / "at_once.jsonl")
-    parser.set_defaults(resume=False, walk=aibo.WALK)
+    parser.add_argument("--searches", type=Path, help="folder of interrupted searches, to go on from")
+    parser.set_defaults(walk=aibo.WALK)
     given = parser.parse_args()
     told = {name: getattr(given, name) for name in ("seed", "arms", "scale", "fit", "held", "air")}
     journal = Journal(given.journal, told)
     journal.begin()
     done = {line["number"] for line in journal.lines()}
-    for number in range(given.robots):
-        if number not in done:
-            own = stream_seed(given.seed, "at once", number) % 2**31
-            show([journal.add({"number": number, **compared(own, given)})])
+    with tempfile.TemporaryDirectory() as folder:
+        for number in range(given.robots):
+            if number not in done:
+                own = stream_seed(given.seed, "at once", number) % 2**31
+                searches = (given.searches or Path(folder)) / f"robot_{number}"
+                show([journal.add({"number": number, **compared(own, given, searches)})])
     show(journal.lines())
     keep(RESULTS / "at_once.json", {**told, "robots": journal.lines()}, parser, given)
 
