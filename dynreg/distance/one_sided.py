@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.distance.ahead import Ahead
+from dynreg.distance.ahead import TOGETHER, Ahead
 from dynreg.distance.foreseen import Effort, seek
 from dynreg.distance.query import DistanceQuery, Ranked, in_order
 from dynreg.distance.rows import Rows, thin
@@ -14,8 +14,7 @@ from dynreg.models.normaliser import Normaliser
 from dynreg.models.threads import available_threads, in_threads, single_threaded, worker_pool
 from dynreg.rng import stream
 
-BATCH = 50  # models at once where all are judged,
-PART = 4  # and where the nearest are sought: cores share some 30 models
+BATCH = 50  # models at once where all are judged
 QUERY_ROWS = 200  # sequences of the recording on which every entry's model is judged,
 AHEAD = 2  # steps long each
 FORESEEN = 64  # of these sequences, on which misses are foreseen
@@ -41,10 +40,12 @@ def sought(asked: DistanceQuery, judge: "Judge") -> Ranked:
     """The entries that are judged on the way to the nearest, nearest first; see `foreseen.seek`."""
     population, allowed = asked.population, asked.allowed
     some = thin(len(judge.ahead.inputs), FORESEEN, population.shared.seed, "foreseen")
-    with worker_pool(asked.threads or available_threads()) as pool:
+    threads = asked.threads or available_threads()
+    with worker_pool(threads) as pool:
 
         def missed(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            parts = [allowed[at[i : i + PART]] for i in range(0, len(at), PART)]
+            most = TOGETHER * -(-len(at) // (TOGETHER * threads))  # whole products, whatever the threads
+            parts = [allowed[at[i : i + most]] for i in range(0, len(at), most)]
             found = np.concatenate([*pool.map(lambda part: judge.missed(population.stack[part]), parts)])
             return found[:, some].reshape(len(found), -1), distances(found)
 

@@ -1,4 +1,4 @@
-"""The forward pass of one model at a time on one core: what predictions and losses are made of."""
+"""The forward pass on one core, of one model at a time or of a few: what predictions and losses are made of."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, TypeAlias
@@ -23,11 +23,32 @@ def layers(stack: MlpStack, device: str) -> list[Layers]:
     return list(zip(*arrays, strict=True))
 
 
+def together(stack: MlpStack, device: str) -> Layers:
+    """Four weights (M, in, out), then four biases (M, 1, out), of all models of a stack as tensors."""
+    import torch
+
+    weights, biases = (
+        [torch.tensor(a, device=device) for a in part] for part in (stack.weights, stack.biases)
+    )
+    return (*weights, *(b[:, None] for b in biases))
+
+
+def predicted(models: Layers, x: "torch.Tensor") -> "torch.Tensor":
+    """(M, N, S) predictions of models `together` on rows x (M, N, D)."""
+    import torch
+
+    *hidden, last = zip(models[:4], models[4:], strict=True)
+    for weight, bias in hidden:
+        x = torch.baddbmm(bias, x, weight).relu_()
+    weight, bias = last
+    return torch.baddbmm(bias, x, weight)
+
+
 class Forward:
     """Predictions and losses in buffers made once. Not for two threads at a time.
 
-    One model after the other with its rows as one product is faster here than batched products of many
-    models: the activations never leave the cache.
+    Its products are of one model after the other, whose sets of rows are long together. With few rows of each model,
+    `predicted` of some models at once is quicker.
     """
 
     def __init__(self, sizes: tuple[int, ...], device: str):

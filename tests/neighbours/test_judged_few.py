@@ -10,7 +10,7 @@ import secret_servo
 from secret_servo import ENTRIES, TRAINING
 
 from dynreg import session
-from dynreg.distance import linked, one_sided, query
+from dynreg.distance import ahead, linked, one_sided, query
 from dynreg.distance.query import DistanceQuery
 from dynreg.distance.table import DISTANCES
 from dynreg.errors import CorruptError
@@ -79,7 +79,9 @@ def test_a_walk_that_finds_too_few_is_counted_beside_all_that_are_judged_then(se
     assert found.evaluations > len(found.order) == ENTRIES
 
 
-def test_a_search_is_the_same_on_any_number_of_threads(servos, searching):
+def test_a_search_is_the_same_on_any_number_of_threads(servos, searching, monkeypatch):
+    """Its threads share what is judged at once: here two products of models and a part of one."""
+    monkeypatch.setattr(one_sided, "FIRST", 2 * ahead.TOGETHER + 3)
     one, three = (DISTANCES["one_sided"].rank(asked(servos, 2, threads=n)) for n in (1, 3))
     np.testing.assert_array_equal(one.order, three.order)
     np.testing.assert_array_equal(one.distance, three.distance)
