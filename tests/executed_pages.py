@@ -72,9 +72,12 @@ _BLOCK = re.compile(
     re.DOTALL | re.MULTILINE,
 )
 # Seconds of the clock: the last column of a table whose head ends with "time [s]", and the number before " s" that ends
-# a line with "cost:" or "added in", stands alone in its line, or is that of "a diagnosis".
-_CLOCK = re.compile(r"(?:(?<=, )|(?<=in )|^)[\d.]+ s$|[\d.]+ s(?= a diagnosis)")
-_TIMED = re.compile(r"cost:|population |[\d.]+ s$|.* a diagnosis$")
+# a line with "cost:" or "added in" or follows its simulations, stands alone in its line, or is that of "a diagnosis".
+_CLOCK = re.compile(
+    r"(?:(?<=, )|(?<=in )|^)[\d.]+ s$|(?<=simulations, )[\d.]+ s(?=,)|[\d.]+ s(?= a diagnosis)"
+    r"|(?<=of a diagnosis )[\d.]+(?= s$|$)"
+)
+_TIMED = re.compile(r"cost:|population |[\d.]+ s$|.* a diagnosis( [\d.]+)?( s)?$")
 _ID = re.compile(r"[0-9a-f]{8,}")
 _NUMBER = re.compile(r"[+-]?\d[\d,]*(?:\.\d+)?(?:e[+-]?\d+)?")
 # An id may end a name, after its last underscore.
@@ -231,7 +234,7 @@ def comparable(lines: list[str]) -> list[str]:
         if table:
             line = re.sub(r" +[\d.]+$", " T", line)
         elif _TIMED.match(line):
-            line = _CLOCK.sub("T s", line)
+            line = _CLOCK.sub(lambda found: "T s" if found[0].endswith("s") else "T", line)
         out.append(line.rstrip())
     return out
 

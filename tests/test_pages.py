@@ -147,8 +147,17 @@ TIMED = [
 def test_times_of_the_clock_are_not_compared() -> None:
     other = [line.replace("4.1", "17").replace("1.2", "0.3") for line in TIMED]
     assert comparable(TIMED) == comparable(other)
-    for said in ("cost: 3 simulations, 1.4 s", "1.4 s", "effect 0.1; 1.4 s a diagnosis"):
+    for said in (
+        "cost: 3 simulations, 1.4 s",
+        "cost: 3 simulations, 1.4 s, 4298 s of simulated time",
+        "1.4 s",
+        "effect 0.1; 1.4 s a diagnosis",
+        "effect 0.1; median time of a diagnosis 1.4",
+        "effect 0.1; median time of a diagnosis 1.4 s",
+    ):
         assert comparable([said]) == comparable([said.replace("1.4", "11")])
+    for said in ("cost: 3 simulations, 1.4 s, 4298 s of simulated time", "median time of a diagnosis 1.4"):
+        assert comparable([said]) != comparable([said.replace("3 ", "4 ").replace("median", "mean")])
     assert comparable(["row 5.0 s"]) != comparable(["row 6.0 s"])  # a number of the answer
 
 
