@@ -8,9 +8,10 @@ import mujoco
 import numpy as np
 
 from dynreg.data.checks import check_clocks, errors
-from dynreg.data.checks.clock import likely_unit, slow_clock
+from dynreg.data.checks.clock import counts, likely_unit, slow_clock
 from dynreg.data.drafting import Draft
 from dynreg.data.episodes import raw_episodes
+from dynreg.data.readers.columns import stated_unit
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.series import RawLog, Series
 from dynreg.draft.tables import Sensed
@@ -146,6 +147,12 @@ def require_clocks(told: Heard, log: RawLog) -> None:
         return
     for series in told.series.values():
         unit = likely_unit(series.time)
+        if unit is None and stated_unit(column) is None and counts(series.time):
+            raise LogError(
+                f"{log.path.name}: stamps in column {column!r} go up by 1: seconds (1 Hz) or milliseconds (1000 Hz)",
+                expected="a name of the column that tells the unit",
+                do="call the column time_ms, or time_s",
+            )
         if unit is not None:
             raise LogError(
                 f"{log.path.name}: {slow_clock(series.time, unit)}",

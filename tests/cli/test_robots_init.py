@@ -96,6 +96,7 @@ def _moving(times: list[str], clock: str, size: float = 1.0) -> str:
     [
         ([f"{10 * k}" for k in range(600)], "looks like milliseconds; expected seconds in column 'time'"),
         ([f"{10**7 * (k + 17 * 10**10)}" for k in range(600)], "call the column time_ns"),
+        ([f"{k + 1700}" for k in range(600)], "call the column time_ms, or time_s"),
         ([f"{k % 300 / 100}" for k in range(600)], "the clock runs back by 2.99 s"),
         ([f"{k // 300}" for k in range(600)], "the clock stands still"),
     ],
@@ -111,11 +112,17 @@ def test_a_log_whose_clock_tells_no_rate_ends_in_one_line(
     assert not (here / "arm").exists()
 
 
-def test_the_name_that_the_error_proposes_makes_the_clock_known(dynreg, here: Path) -> None:
+@pytest.mark.parametrize(
+    ("step", "clock", "rate"), [(10, "time_ms", "100"), (1, "time_ms", "500"), (1, "time_s", "1")]
+)
+def test_the_name_that_the_error_proposes_makes_the_clock_known(
+    step: int, clock: str, rate: str, dynreg, here: Path
+) -> None:
+    """A log of 1000 Hz is drafted at 500 Hz."""
     (here / "arm.xml").write_text(ARM)
-    (here / "run.csv").write_text(_moving([f"{10 * k}" for k in range(600)], "time_ms"))
+    (here / "run.csv").write_text(_moving([f"{step * k}" for k in range(600)], clock))
     made = dynreg(*"robots init arm.xml --log run.csv".split())
-    assert made.status == 0 and "at 100 Hz" in made.out, made
+    assert made.status == 0 and f"at {rate} Hz" in made.out, made
 
 
 def test_a_later_log_in_degrees_is_told_by_the_stops_of_the_model(dynreg, here: Path) -> None:

@@ -86,6 +86,11 @@ def likely_unit(time: np.ndarray) -> str | None:
     return "ns" if step > 2e5 else "us" if step > 200 else "ms"
 
 
+def counts(time: np.ndarray) -> bool:
+    """Whether stamps (T,) are whole numbers, usually one after the other."""
+    return _usual_step(time) == 1.0 and bool((np.mod(time[np.isfinite(time)], 1.0) == 0.0).all())
+
+
 def slow_clock(time: np.ndarray, unit: str) -> str:
     """What is said of stamps (T,) that count in this `likely_unit`, or in a finer one that may be meant as well."""
     rates = _rates(time, unit)

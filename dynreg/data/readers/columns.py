@@ -25,7 +25,7 @@ TIME_NAMES = (
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 # Names that tell the unit, where the map tells none. The first is that of `rostopic echo -p`.
 UNIT_NAMES = {"%time": "ns"} | {
-    f"{name}_{unit}": unit for unit in ("ms", "us", "ns") for name in ("time", "t", "timestamp", "stamp")
+    f"{name}_{unit}": unit for unit in ("s", "ms", "us", "ns") for name in ("time", "t", "timestamp", "stamp")
 }
 _USUAL = (*TIME_NAMES, *UNIT_NAMES)
 _CLOCKS = frozenset(
