@@ -6,6 +6,7 @@ middle one of three searches in the hidden robot itself; each has as many rollou
 simulators. The robot is given 190 trials in all, those that fall included. Searches on the robot alone (two genetic
 algorithms, a hill climber, a policy gradient, CMA-ES) begin with the same gait and have as many. Of these they try the
 best of single trials again, as Back to Reality does. Speeds are means over new trials, which no choice has seen.
+`btr_cma` is Back to Reality whose gaits are sought in the simulator by CMA-ES, not by the paper's genetic algorithm.
 
 LP is the paper's learning performance d IF / e: d genes of the gait, IF = 100 (f_end - f_0) / f_end in percent, e
 trials. The paper prints its column IF as a fraction, a hundredth of what its LP is made of; `TABLE` has what it prints,
@@ -16,7 +17,7 @@ finer than the model's. Every finished step is a line of the journal; a second s
 import argparse
 import tempfile
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -28,7 +29,7 @@ from reality_runs import FIXED, Shown, Tape, scaled, walking_for
 
 import dynreg
 from dynreg.adapt.differences import rank_correlation
-from dynreg.adapt.tried import Rules
+from dynreg.adapt.tried import ROULETTE, Rules
 from dynreg.gait.tasks import fitness, task_of
 from dynreg.gait.trials import Simulators, Trials
 from dynreg.methods.by_reality import Played
@@ -45,6 +46,7 @@ SHARE, NEAR = 0.4, 0.05  # of the best, from which all begin, and how far off is
 AGAIN = 10  # new trials of a gait
 # searches on the robot alone; the first keeps no elite
 REAL_ONLY = ("roulette", "ga", "hill", "policy", "cma")
+REALITY = {"btr": ROULETTE, "btr_cma": "cma"}  # Back to Reality, and its search in the simulator
 DRAWS = 600  # gaits among which the start is chosen: of 60 the best had 21 % of the best speed
 ORACLES = 3  # searches for the best
 # name: (genes d, trials e, f_0, f_end [cm/s], IF and LP as printed, LP to the third digit)
@@ -211,7 +213,7 @@ def show(lines: list[dict], seconds: float) -> None:
         first, best = speed("start"), 100.0 * own["start"]["best"] / seconds
         genes, *_, printed, _ = TABLE["Back to Reality"]
         print(f"robot {seed}: start {first:.2f} cm/s, best known {best:.2f} cm/s ({first / best:.0%})")
-        for step in ("btr", *REAL_ONLY):
+        for step in (*REALITY, *REAL_ONLY):
             if step not in own:
                 continue
             last, trials = speed(step), own[step]["trials"]
@@ -220,9 +222,10 @@ def show(lines: list[dict], seconds: float) -> None:
                 f"  {step:9} {last:6.2f} cm/s  x {last / first:.2f}  {trials} trials  LP {lp:6.3f} (paper {printed})"
                 f"  {(last - first) / trials:.4f} cm/s a trial"
             )
-        if "btr" in own:
-            b = own["btr"]
-            print(f"  falls {b['falls']}, discarded {b['discarded']}, {b['rollouts']} rollouts, {b['ended']}")
+        for step in [step for step in REALITY if step in own]:
+            b = own[step]
+            spent = f"falls {b['falls']}, discarded {b['discarded']}, {b['rollouts']} rollouts"
+            print(f"  {step}: {spent}, {b['ended']}")
             for (stage, before, after), rank in zip(b["versions"], b["rank"], strict=True):
                 delta = f"  Delta {before:.4g} -> {after:.4g} ({after / before:.0%})" if before else ""
                 print(f"  {stage:12} rank correlation over {FIXED} fixed gaits {rank:+.3f}{delta}")
@@ -235,7 +238,7 @@ def main() -> None:
     parser.add_argument("--scale", type=float, default=1.0, help="share of the published generations")
     parser.add_argument("--iterations", type=int, default=2)
     parser.add_argument("--seconds", type=float, default=20.0, help="of a trial; the paper's last 20 s")
-    parser.add_argument("--steps", nargs="*", default=["btr", *REAL_ONLY], choices=["btr", *REAL_ONLY])
+    parser.add_argument("--steps", nargs="*", default=[*REALITY, *REAL_ONLY], choices=[*REALITY, *REAL_ONLY])
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--tune", action="store_true", help="the robots of the development; keeps no table")
     parser.add_argument("--journal", type=Path, default=RESULTS / "back_to_reality.jsonl")
@@ -254,8 +257,8 @@ def main() -> None:
                 continue
             if step == "start":
                 made = bench.start(rules)
-            elif step == "btr":
-                made = bench.btr(np.array(done["start"]["unit"]), rules)
+            elif step in REALITY:
+                made = bench.btr(np.array(done["start"]["unit"]), replace(rules, search=REALITY[step]))
             else:
                 made = bench.real_only(np.array(done["start"]["unit"]), step, rules)
             done[step] = journal.add({"robot": seed, "step": step, **made})
