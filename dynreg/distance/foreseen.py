@@ -15,7 +15,9 @@ from dynreg.distance.query import Ranked, in_order
 SETTLED = 2  # rounds that must leave the nearest ones as they are, before a search ends
 SETTLED_ON = 5  # nearest ones that are watched
 AROUND = 8  # of the best, whose mean place says which others are worth foreseeing
-DIVERGED = 10.0  # a distance from which on a model diverges, so that it says nothing of the others
+# Times the nearest distance, or 1 where that is less, from which on a model diverges, so that it says nothing of the
+# others.
+DIVERGED = 10.0
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ def _next(
     effort: Effort,
 ) -> np.ndarray:
     """Those of `others` that are foreseen to miss least, by what the judged `ids` (m,) missed (m, F)."""
-    sound = far < DIVERGED
+    sound = far < DIVERGED * max(1.0, far.min(initial=np.inf, where=np.isfinite(far)))
     if not sound.any() or not len(others):
         return others[: effort.each]
     if not sound.all():
