@@ -89,9 +89,9 @@ def show(lines: list[dict]) -> None:
     """Print each robot, and how much less staged errs than the others."""
     for line in lines:
         errors = ", ".join(f"{arm} {e['A']:.0f} / {e['B']:.0f}" for arm, e in line["errors"].items())
-        spent = ", ".join(f"{arm} {s:.0f}" for arm, s in line["core seconds"].items())
+        took = ", ".join(f"{arm} {s:.0f}" for arm, s in line["core seconds"].items())
         ran = ", ".join(f"{arm} {n}" for arm, n in line["rollouts"].items())
-        print(f"robot {line['number']}: mm/s A / B: {errors}; simulators: {ran}; core s: {spent}")
+        print(f"robot {line['number']}: mm/s A / B: {errors}; simulators: {ran}; core s: {took}")
     for arm in ("initial", *ARMS):
         own = [line["errors"] for line in lines if arm in line["errors"]]
         if len(own) > 1:
@@ -126,10 +126,11 @@ def main() -> None:
         for number in range(given.robots):
             if number not in done:
                 own = stream_seed(given.seed, "at once", number) % 2**31
-                searches = (given.searches or Path(folder)) / f"robot_{number}"
+                name = f"robot_{own}_{given.scale:g}_{given.fit}_{given.held}_{given.air:g}"
+                searches = (given.searches or Path(folder)) / name
                 show([journal.add({"number": number, **compared(own, given, searches)})])
     show(journal.lines())
-    keep(RESULTS / "at_once.json", {**told, "robots": journal.lines()}, parser, given)
+    keep(RESULTS / "at_once.json", {**told, "robots": journal.lines()}, parser, given, ("searches",))
 
 
 if __name__ == "__main__":

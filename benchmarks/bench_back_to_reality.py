@@ -5,8 +5,9 @@ no simulator of the family has. The robot begins with a gait of about 40 % of th
 middle one of three searches in the hidden robot itself; each has as many rollouts as Back to Reality runs gaits in its
 simulators. The robot is given 190 trials in all, those that fall included. Searches on the robot alone (two genetic
 algorithms, a hill climber, a policy gradient, CMA-ES) begin with the same gait and have as many. Of these they try the
-best of single trials again, as Back to Reality does. Speeds are means over new trials, which no choice has seen.
-`btr_cma` is Back to Reality whose gaits are sought in the simulator by CMA-ES, not by the paper's genetic algorithm.
+best of single trials again, as Back to Reality does. `btr_cma` is Back to Reality whose gaits are sought in the
+simulator by CMA-ES, not by the paper's genetic algorithm. Speeds are means over new trials, which no choice has seen;
+those of `btr` and `btr_cma` have the same disturbances.
 
 LP is the paper's learning performance d IF / e: d genes of the gait, IF = 100 (f_end - f_0) / f_end in percent, e
 trials. The paper prints its column IF as a fraction, a hundredth of what its LP is made of; `TABLE` has what it prints,

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 RESULTS = Path(__file__).parent / "results"
-FREE = ("threads", "journal", "processes", "registry", "resume", "searches")  # options that change no figure
+FREE = ("threads", "journal", "processes", "registry", "resume")  # options that change no figure
 
 
 def keep(

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dynreg.models.forward import predicted, together
+from dynreg.models.forward import batch, predicted
 from dynreg.models.mlp import MlpStack
 from dynreg.models.normaliser import Normaliser
 
@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     import torch
 
 # Models in one product. Two threads that begin products of one model wait for one another: of 200 rows a model takes
-# 0.41, 0.27, 0.22, 0.21 and 0.18 ms with 1, 2, 4, 8 and 16 together.
-TOGETHER = 8
+# 0.41, 0.27, 0.22, 0.21 and 0.18 ms with 1, 2, 4, 8 and 16 at once. With 8, four threads share the 32 of a round.
+AT_ONCE = 8
 
 
 class Ahead:
@@ -29,13 +29,13 @@ class Ahead:
 
     def missed(self, stack: MlpStack) -> np.ndarray:
         """(M, N, S) float32 error of the change over all H steps, in units of the spread of one step's."""
-        parts = [stack[i : i + TOGETHER] for i in range(0, len(stack), TOGETHER)]
+        parts = [stack[i : i + AT_ONCE] for i in range(0, len(stack), AT_ONCE)]
         none = np.empty((0, *self.targets[:, 0].shape), dtype=np.float32)
         return np.concatenate([none, *map(self._missed, parts)])
 
     def _missed(self, stack: MlpStack) -> np.ndarray:
         first, *later = (rows.expand(len(stack), *rows.shape) for rows in self._rows)
-        models = together(stack, first.device.type)
+        models = batch(stack, first.device.type)
         total = predicted(models, first)
         for step, rows in enumerate(later, start=1):
             moved = self._start + step * self._drift + total * self._gain

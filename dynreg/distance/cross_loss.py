@@ -115,5 +115,5 @@ class CrossLoss:
 
 
 def _far(distance: np.ndarray) -> np.ndarray:
-    """Distances, infinite where they are no number: a model that diverges is near to nobody."""
-    return np.where(np.isnan(distance), np.inf, distance)
+    """Distances, infinite where a loss is no finite number: a model that diverges is near to nobody."""
+    return np.where(distance > 0.0, distance, np.inf)

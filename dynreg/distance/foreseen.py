@@ -15,9 +15,9 @@ from dynreg.distance.query import Ranked, in_order
 SETTLED = 2  # rounds that must leave the nearest ones as they are, before a search ends
 SETTLED_ON = 5  # nearest ones that are watched
 AROUND = 8  # of the best, whose mean place says which others are worth foreseeing
-# Times the nearest distance, or 1 where that is less, from which on a model diverges, so that it says nothing of the
-# others.
-DIVERGED = 10.0
+# Entries farther than so many times the nearest, or 1 where that is less, say nothing of the near ones. With 5 and with
+# 10 searches by cross-loss find the same.
+FAR = 10.0
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,10 @@ class Effort:
 
 
 Missed = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
-"""What entries (m,) miss, weighted (m, F), and their distances (m,); infinite where a prediction is no number."""
+"""What entries (m,) miss, weighted (m, F), and their distances (m,); infinite where a prediction is no number.
+
+What stands for misses may be one positive number that grows with the distance, (m, 1).
+"""
 
 
 def seek(places: np.ndarray, missed: Missed, wanted: int, first: np.ndarray, effort: Effort) -> Ranked:
@@ -69,7 +72,7 @@ def _next(
     effort: Effort,
 ) -> np.ndarray:
     """Those of `others` that are foreseen to miss least, by what the judged `ids` (m,) missed (m, F)."""
-    sound = far < DIVERGED * max(1.0, far.min(initial=np.inf, where=np.isfinite(far)))
+    sound = far < FAR * max(1.0, far.min(initial=np.inf, where=np.isfinite(far)))
     if not sound.any() or not len(others):
         return others[: effort.each]
     if not sound.all():

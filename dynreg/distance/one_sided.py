@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.distance.ahead import TOGETHER, Ahead
+from dynreg.distance.ahead import AT_ONCE, Ahead
 from dynreg.distance.foreseen import Effort, seek
 from dynreg.distance.query import DistanceQuery, Ranked, in_order
 from dynreg.distance.rows import Rows, thin
@@ -44,7 +44,7 @@ def sought(asked: DistanceQuery, judge: "Judge") -> Ranked:
     with worker_pool(threads) as pool:
 
         def missed(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            most = TOGETHER * -(-len(at) // (TOGETHER * threads))  # whole products, whatever the threads
+            most = AT_ONCE * -(-len(at) // (AT_ONCE * threads))  # whole products, whatever the threads
             parts = [allowed[at[i : i + most]] for i in range(0, len(at), most)]
             found = np.concatenate([*pool.map(lambda part: judge.missed(population.stack[part]), parts)])
             return found[:, some].reshape(len(found), -1), distances(found)

@@ -21,7 +21,7 @@ class Kind:
 
     needs : what it cannot do without: "plan", "population", "wheels" of the robot, or "trials" of a "task" on the robot
     itself, in place of a recording. reads : further settings that mean something to it, of "start", "budget" and
-    "resume", and of trials "seconds", "falls" and "goal".
+    "resume", and of trials "seconds", "falls", "goal" and "search".
     """
 
     name: str
@@ -102,7 +102,7 @@ METHODS: Mapping[str, Kind] = MappingProxyType(
                 "by_reality:ByReality",
                 "parameters and a gait in turn (paper B), where a score of each trial is all that is measured",
                 needs=("trials", "task"),
-                reads=("start", "budget", "resume", "seconds", "falls", "goal"),
+                reads=("start", "budget", "resume", "seconds", "falls", "goal", "search"),
             ),
         )
     }

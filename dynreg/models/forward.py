@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     import torch
 
 Layers: TypeAlias = "tuple[torch.Tensor, ...]"  # four weights (in, out), then four biases (out,)
+Batch: TypeAlias = (
+    "tuple[torch.Tensor, ...]"  # of M models: four weights (M, in, out), then four biases (M, 1, out)
+)
 TILE = 256  # rows at once: their activations stay in the cache of one core
 
 
@@ -23,8 +26,8 @@ def layers(stack: MlpStack, device: str) -> list[Layers]:
     return list(zip(*arrays, strict=True))
 
 
-def together(stack: MlpStack, device: str) -> Layers:
-    """Four weights (M, in, out), then four biases (M, 1, out), of all models of a stack as tensors."""
+def batch(stack: MlpStack, device: str) -> Batch:
+    """Weights and biases of all models of a stack as tensors."""
     import torch
 
     weights, biases = (
@@ -33,8 +36,8 @@ def together(stack: MlpStack, device: str) -> Layers:
     return (*weights, *(b[:, None] for b in biases))
 
 
-def predicted(models: Layers, x: "torch.Tensor") -> "torch.Tensor":
-    """(M, N, S) predictions of models `together` on rows x (M, N, D)."""
+def predicted(models: Batch, x: "torch.Tensor") -> "torch.Tensor":
+    """(M, N, S) predictions of models on rows x (M, N, D)."""
     import torch
 
     *hidden, last = zip(models[:4], models[4:], strict=True)
@@ -47,8 +50,8 @@ def predicted(models: Layers, x: "torch.Tensor") -> "torch.Tensor":
 class Forward:
     """Predictions and losses in buffers made once. Not for two threads at a time.
 
-    Its products are of one model after the other, whose sets of rows are long together. With few rows of each model,
-    `predicted` of some models at once is quicker.
+    It takes one model after the other: right for many rows of each. For few rows, `predicted` takes several models at
+    once, and is quicker.
     """
 
     def __init__(self, sizes: tuple[int, ...], device: str):

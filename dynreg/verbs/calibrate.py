@@ -30,7 +30,7 @@ TRYING = " or ".join(f"`{kind.name}`" for kind in METHODS.values() if kind.tries
 # Settings that mean nothing to some methods.
 OPTIONAL = (
     *("plan", "population", "start", "budget", "resume", "hold_out"),
-    *("task", "trials", "seconds", "falls", "goal"),
+    *("task", "trials", "seconds", "falls", "goal", "search"),
 )
 
 
@@ -78,6 +78,12 @@ class CalibrateSettings(Settings):
     falls: int | None = option(None, f"End {TRYING} after this many falls.", usual="never", least=1)
     goal: float | None = option(
         None, f"End {TRYING} once a gait scores so much on the robot, in the task's unit.", usual="never"
+    )
+    search: str | None = option(
+        None,
+        f"How {TRYING} seeks gaits in the simulator. With `cma` it finds faster ones.",
+        choices=("roulette", "cma"),
+        usual="`roulette`, as in paper B",
     )
     resume: bool = option(False, "Continue an interrupted calibration.")
     threads: int = threads()

@@ -64,7 +64,8 @@ def calibrate_by_trials(
     asked = Built(registry, robot_to_try(registry, subject, settings.method))
     task = _task(asked.robot, settings)  # a mistake here, or in gait and start, makes no folder
     rules = rules or Rules()
-    rules = rules if settings.goal is None else replace(rules, goal=settings.goal)
+    told = {name: getattr(settings, name) for name in ("goal", "search")}
+    rules = replace(rules, **{name: value for name, value in told.items() if value is not None})
     _require_enough(asked.robot, task, settings, rules)
     gaits = _gaits(registry, asked.robot, task, gait)
     begin = begun_with(registry, settings.start, asked.robot)

@@ -96,7 +96,8 @@ def _moving(times: list[str], clock: str, size: float = 1.0) -> str:
     [
         ([f"{10 * k}" for k in range(600)], "looks like milliseconds; expected seconds in column 'time'"),
         ([f"{10**7 * (k + 17 * 10**10)}" for k in range(600)], "call the column time_ns"),
-        ([f"{k + 1700}" for k in range(600)], "call the column time_ms, or time_s"),
+        ([f"{k + 1700}" for k in range(600)], "go up by 1: seconds (1 Hz) or milliseconds (1000 Hz)"),
+        ([f"{2 * k}" for k in range(600)], "go up by 2: seconds (0.5 Hz) or milliseconds (500 Hz)"),
         ([f"{k % 300 / 100}" for k in range(600)], "the clock runs back by 2.99 s"),
         ([f"{k // 300}" for k in range(600)], "the clock stands still"),
     ],
@@ -123,6 +124,29 @@ def test_the_name_that_the_error_proposes_makes_the_clock_known(
     (here / "run.csv").write_text(_moving([f"{step * k}" for k in range(600)], clock))
     made = dynreg(*"robots init arm.xml --log run.csv".split())
     assert made.status == 0 and f"at {rate} Hz" in made.out, made
+
+
+@pytest.mark.parametrize(
+    "times",
+    [
+        [f"{k + 0.5}" for k in range(600)],
+        [f"{1.7e9 + k:.0f}" for k in range(600)],
+        [f"2026-01-05T{k // 3600:02}:{k // 60 % 60:02}:{k % 60:02}Z" for k in range(600)],
+    ],
+)
+def test_a_slow_clock_that_tells_its_unit_is_no_error(times: list[str], dynreg, here: Path) -> None:
+    (here / "arm.xml").write_text(ARM)
+    (here / "run.csv").write_text(_moving(times, "time"))
+    made = dynreg(*"robots init arm.xml --log run.csv".split())
+    assert made.status == 0 and "at 1 Hz" in made.out, made
+
+
+def test_commands_once_a_second_beside_a_quick_clock_are_no_slow_clock(dynreg, here: Path) -> None:
+    (here / "arm.xml").write_text(ARM)
+    told = [f"{k / 100},{0.01 * k:.4f},{0.01 * k if k % 100 == 0 else ''}" for k in range(3000)]
+    (here / "run.csv").write_text("\n".join(["time,pos_turn,cmd_turn", *told]))
+    made = dynreg(*"robots init arm.xml --log run.csv".split())
+    assert "go up by" not in made.err, made
 
 
 def test_a_later_log_in_degrees_is_told_by_the_stops_of_the_model(dynreg, here: Path) -> None:

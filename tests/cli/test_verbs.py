@@ -250,7 +250,7 @@ def test_calibrate_passes_its_options_on(dynreg, session) -> None:
         "population": None,
         "resume": False,
         "threads": 0,
-        **dict.fromkeys(("task", "trials", "seconds", "falls", "goal")),
+        **dict.fromkeys(("task", "trials", "seconds", "falls", "goal", "search")),
         "robot": "leg",
         "log_map": Path("m.toml"),
         "say": named["say"],

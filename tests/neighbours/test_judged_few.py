@@ -81,7 +81,7 @@ def test_a_walk_that_finds_too_few_is_counted_beside_all_that_are_judged_then(se
 
 def test_a_search_is_the_same_on_any_number_of_threads(servos, searching, monkeypatch):
     """Its threads share what is judged at once: here two products of models and a part of one."""
-    monkeypatch.setattr(one_sided, "FIRST", 2 * ahead.TOGETHER + 3)
+    monkeypatch.setattr(one_sided, "FIRST", 2 * ahead.AT_ONCE + 3)
     one, three = (DISTANCES["one_sided"].rank(asked(servos, 2, threads=n)) for n in (1, 3))
     np.testing.assert_array_equal(one.order, three.order)
     np.testing.assert_array_equal(one.distance, three.distance)

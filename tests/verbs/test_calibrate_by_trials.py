@@ -4,6 +4,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -363,6 +364,18 @@ def test_a_task_that_is_met_ends_it(opened: Session, brief: Robot) -> None:
     met = calibrated(opened, brief, Door(), goal=1e-6, rules=Rules(**{**vars(TINY), "difference": "rank"}))
     assert met.on_robot.difference == "rank" and {one.unit for one in met.versions} == {""}
     assert met.ended == "goal" and met.cost.trials == 2, "those of the first gait"
+
+
+def test_the_search_for_gaits_may_be_another(opened: Session, brief: Robot) -> None:
+    """A setting, or one of the rules: the same trials; and not those of the usual search."""
+    tried = {}
+    for how in ({}, {"search": "cma"}, {"rules": replace(TINY, search="cma")}):
+        door = Door()
+        found = calibrated(opened, brief, door, trials=6, **how)
+        tried[str([*how])] = [one.to_dict() for one in found.on_robot.tried]
+    assert tried["['search']"] == tried["['rules']"] != tried["[]"]
+    with pytest.raises(UsageError, match="search.*has no meaning for method 'cma'"):
+        opened.calibrate("log", method="cma", search="hill")
 
 
 def test_mistakes_have_one_clear_line_each(opened: Session, brief: Robot, short_log) -> None:

@@ -86,9 +86,11 @@ def likely_unit(time: np.ndarray) -> str | None:
     return "ns" if step > 2e5 else "us" if step > 200 else "ms"
 
 
-def counts(time: np.ndarray) -> bool:
-    """Whether stamps (T,) are whole numbers, usually one after the other."""
-    return _usual_step(time) == 1.0 and bool((np.mod(time[np.isfinite(time)], 1.0) == 0.0).all())
+def whole_step(time: np.ndarray) -> int | None:
+    """The usual step of stamps that are whole numbers, 1 or 2; None for others. Longer ones have a `likely_unit`."""
+    step, known = _usual_step(time), time[np.isfinite(time)]
+    whole = 1.0 <= step <= SLOW_STEP and bool((np.mod(np.append(known, step), 1.0) == 0.0).all())
+    return int(step) if whole else None
 
 
 def slow_clock(time: np.ndarray, unit: str) -> str:
