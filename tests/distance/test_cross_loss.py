@@ -59,9 +59,10 @@ def test_a_query_that_is_an_entry_is_as_far_from_the_others_as_the_entry(stack, 
     np.testing.assert_allclose(to(np.array([5, 0])), distance.matrix()[3, [5, 0]], rtol=1e-5)
 
 
-def test_a_model_that_predicts_no_number_is_infinitely_far_and_the_others_are_not(stack, rows):
+@pytest.mark.parametrize("lost", [np.nan, np.inf])
+def test_a_model_that_predicts_no_number_is_infinitely_far_and_the_others_are_not(stack, rows, lost):
     x, y = rows
-    own = np.where(np.arange(MODELS) == 2, np.nan, 1.0)
+    own = np.where(np.arange(MODELS) == 2, lost, 1.0)
     distance, every = CrossLoss(stack, x, y, own), np.arange(MODELS)
     to = distance.query(stack[3], x[3], y[3], 1.0)
     for found in (distance.pairs(np.zeros(MODELS, int), every), to(every)):

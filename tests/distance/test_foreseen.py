@@ -49,6 +49,16 @@ def test_the_nearest_are_found_by_judging_few_though_some_models_predict_no_numb
     assert np.mean(recalls) >= 0.95
 
 
+def test_the_nearest_are_found_where_all_are_far():
+    """Distances of robots whose sensors have little noise begin at 3 or more."""
+    recalls = []
+    for seed in range(4):
+        planted = Planted(seed)
+        planted.far *= 12.0 / planted.far.min()
+        recalls.append(np.isin(np.argsort(planted.far)[:5], planted.found().order[:5]).mean())
+    assert np.mean(recalls) >= 0.95
+
+
 def test_each_is_judged_once_and_all_that_are_judged_are_told():
     planted = Planted(1)
     found = planted.found()
