@@ -375,7 +375,7 @@ def test_the_search_for_gaits_may_be_another(opened: Session, brief: Robot) -> N
         tried[str([*how])] = [one.to_dict() for one in found.on_robot.tried]
     assert tried["['search']"] == tried["['rules']"] != tried["[]"]
     with pytest.raises(UsageError, match="search.*has no meaning for method 'cma'"):
-        opened.calibrate("log", method="cma", search="hill")
+        opened.calibrate("log", method="cma", search="roulette")
 
 
 def test_mistakes_have_one_clear_line_each(opened: Session, brief: Robot, short_log) -> None:

@@ -47,9 +47,15 @@ def found(opened: Session) -> Gait:
     return opened.gait("log", on="nominal", rollouts=ROLLOUTS, threads=1)
 
 
+def simulators(opened: Session) -> list[str]:
+    """Ids of those of the gait's robot, whatever other tests have stored."""
+    ids = opened.registry.ids("simulator")
+    return [i for i in ids if opened.registry.simulator(i)["robot_name"] == "quadruped"]
+
+
 def neighbours(opened: Session, fits: bool = True):
     """What a query would answer: the stored simulators."""
-    ids = opened.registry.ids("simulator")[:2]
+    ids = simulators(opened)[:2]
     configs = [opened.registry.simulator(i) for i in ids]
     listed = tuple(
         Neighbour(entry=i, name="n", index=0, distance=1.0, parameters=c["values"])
@@ -173,7 +179,7 @@ def test_in_the_neighbours_and_in_the_synthesised_one(opened: Session, monkeypat
     answering(opened, monkeypatch)
     both = opened.gait("log", on="nearest", k=2, rollouts=44, threads=1)
     assert [t.kind for t in both.trials] == ["neighbour"] * 2
-    assert {t.simulator for t in both.trials} == set(opened.registry.ids("simulator")[:2])
+    assert {t.simulator for t in both.trials} == set(simulators(opened)[:2])
     assert both.source == opened.registry.latest("neighbours").id
     one = opened.gait("log", on="synthesised", rollouts=ROLLOUTS, threads=1)
     assert one.on == "synthesised" and [t.kind for t in one.trials] == ["synthesised"]
@@ -190,7 +196,7 @@ def test_in_what_a_diagnosis_left(opened: Session) -> None:
     with pytest.raises(NoMatchError, match="no 'diagnosed' simulator"):
         opened.gait("log", on="diagnosed")
     (recording,) = opened.registry.recordings()
-    robot = opened.registry.simulator(opened.registry.ids("simulator")[0])["robot"]
+    robot = opened.registry.simulator(simulators(opened)[0])["robot"]
     rubbing = SimConfig(robot, "quadruped", {}, {"coulomb_friction": {"torque": 0.1}})
     simulator = opened.registry.put_simulator(rubbing.as_dict())
     opened.registry.put_result("diagnosis", recording.id, {"extended_simulator": simulator})
@@ -345,7 +351,7 @@ def test_an_interrupted_gait_goes_on(opened: Session) -> None:
 
 
 def test_the_nominal_simulator_may_stand_in_a_list_and_none_may_stand_there_twice(opened: Session) -> None:
-    one = opened.registry.ids("simulator")[0]
+    one = simulators(opened)[0]
     settings = {"rollouts": 2 * ROLLOUTS, "threads": 1}
     both = opened.gait("log", on=f"nominal, {one}", **settings)
     assert [trial.kind for trial in both.trials][0] == "nominal" and both.k == 2
