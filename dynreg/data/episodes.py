@@ -61,10 +61,9 @@ def raw_episodes(log: RawLog, log_map: LogMap, spec: RecordingSpec) -> tuple[Raw
         }
         channels = {key: series for key, (series, _) in kept.items()}
         found = (*([] if out else aside), *(finding for _, more in kept.values() for finding in more))
-        clock = float(log.metadata.get("start", 0.0))
         dropped = {key: _lost(logged[key], series) for key, series in channels.items()}
         out.append(
-            RawEpisode(name, log.path.name, channels, settings, clock, findings=found, dropped=dropped)
+            RawEpisode(name, log.path.name, channels, settings, log.start, findings=found, dropped=dropped)
         )
     if log_map.episodes.by == "gaps":
         held = {c.name for c in spec.channels if c.hold}

@@ -175,7 +175,7 @@ def spans_of(log: RawLog, number: int) -> list[Span]:
 def _stamps(log: RawLog) -> np.ndarray:
     """The first and last stamps of every signal of a log, on its clock [s]."""
     ends = [(np.min(s.time), np.max(s.time)) for s in log.sources.values() if len(s)]
-    every = np.array(ends).ravel() + float(log.metadata.get("start", 0.0))
+    every = np.array(ends).ravel() + log.start
     return every[np.isfinite(every)]
 
 

@@ -116,6 +116,11 @@ class RawLog:
         object.__setattr__(self, "stem", self.stem or self.path.stem)
         object.__setattr__(self, "names", tuple(self.names) or (*self.labels, *self.sources))
 
+    @property
+    def start(self) -> float:
+        """The first stamp in absolute time [s]; 0 where the log does not tell it."""
+        return float(self.metadata.get("start", 0.0))
+
     def topic_of(self, source: str) -> str:
         """The topic of a signal, "" in tables; of many things in one topic theirs, such as "/tf[odom->base_link]"."""
         topics = self.metadata.get("topics") or ()

@@ -168,8 +168,7 @@ def _whole_step(log: RawLog) -> int | None:
 
     A date tells its unit, and so does a clock that counts from 1970.
     """
-    start = log.metadata["start"]
-    if start % 1.0 != 0.0 or start >= EPOCH:
+    if log.start % 1.0 != 0.0 or log.start >= EPOCH:
         return None
     steps = {whole_step(series.time) for series in log.sources.values()}
     return next(iter(steps)) if len(steps) == 1 else None

@@ -175,9 +175,9 @@ def from_tables(
     for other, columns in others:
         unit = _told_unit(other, _unit(clock, options))
         logs.append(from_columns(path, columns, replace(options, time=other, time_unit=unit)))
-    start = min(float(one.metadata["start"]) for one in logs)
+    start = min(one.start for one in logs)
     sources = {
-        name: replace(series, time=series.time + (float(one.metadata["start"]) - start))
+        name: replace(series, time=series.time + (one.start - start))
         for one in logs
         for name, series in one.sources.items()
     }

@@ -11,10 +11,10 @@ from dynreg.data.series import RawLog, Series
 
 def join(path: Path, logs: Sequence[RawLog]) -> RawLog:
     """Parts of one recording, one after the other: series of the same name are strung together."""
-    start = min(float(log.metadata.get("start", 0.0)) for log in logs)
+    start = min(log.start for log in logs)
     pieces: dict[str, list[Series]] = {}
     for log in logs:
-        shift = float(log.metadata.get("start", 0.0)) - start
+        shift = log.start - start
         for name, series in log.sources.items():
             pieces.setdefault(name, []).append(Series(series.time + shift, series.values, series.unit))
     sources = {
@@ -39,10 +39,10 @@ def side_by_side(path: Path, logs: Mapping[str, RawLog]) -> RawLog:
 
     path : what their names share, without a suffix.
     """
-    start = min(float(log.metadata.get("start", 0.0)) for log in logs.values())
+    start = min(log.start for log in logs.values())
     sources, labels, metadata = {}, {}, {}
     for member, log in logs.items():
-        shift = float(log.metadata.get("start", 0.0)) - start
+        shift = log.start - start
         for name, series in log.sources.items():
             sources[f"{member}.{name}"] = Series(series.time + shift, series.values, series.unit)
         labels.update({f"{member}.{name}": texts for name, texts in log.labels.items()})
