@@ -3,19 +3,20 @@
 The hidden robot (`aibo.hidden`) differs from the nameplate in 38 parameters; the ball is as in the simulator. Each
 point is solved by Back to Reality: kicks that are sought in the simulator are tried three times each on the robot,
 until one scores `SOLVED`. If none of three does, the simulator is adapted to their scores, and step 1 comes again. The
-next point begins with that simulator. There is no step 4.
+next point begins with that simulator.
 
 Step 1 begins with the best that the points beside it ended with, or of some draws about the pose at rest. The search is
 CMA-ES from the best of them, which is much faster here; or with `--search roulette` the paper's, whose first 15 kicks
 are 12 of them (80 %, as in the paper's second run). Points that are left unsolved have a second run, from what is
 beside them by then, of one iteration: in it a kick counts by the worse of two simulators, the adapted one and one
-beside it.
+beside it. What is still unsolved has a third run like it. Step 1 takes twice as many generations there, the first kick
+tried is the best that the point has, and step 4 refines the best kick on the robot. Only the third run has a step 4.
 
-A point counts as solved where three new trials, which no search has seen, stand and reach `SOLVED` in the mean. After
-a second run the better of both threes counts, so that such points have two chances. These trials are no part of the
-count of trials. What is not solved is filled from its neighbours. Between the points, kicks are interpolated and tried
-once each. Every finished point is a line of the journal; a second start goes on. Sizes that the paper does not give
-are our own choice.
+A point counts as solved where three new trials, which no search has seen, stand and reach `SOLVED` in the mean. The
+best three of all its runs count, so that a point that is searched again has another chance. These trials are no part
+of the count of trials. What is not solved is filled from its neighbours. Between the points, kicks are interpolated
+and tried once each. Every finished point is a line of the journal; a second start goes on. Sizes that the paper does
+not give are our own choice.
 """
 
 import argparse
@@ -30,7 +31,7 @@ import kicking
 import numpy as np
 from journal import Journal
 from kept import RESULTS, keep
-from kick_points import SOLVED, both, goals_of, reached, show, told
+from kick_points import RUNS, SOLVED, both, goals_of, reached, show, told
 from kicking import SHAPE, Recorded, goal_of
 from reality_runs import Tape
 
@@ -47,10 +48,9 @@ from dynreg.sim.run import Walk
 
 REPORT, TUNE = 20261220, 81
 FILE = RESULTS / "kick.json"
-DRAWS = 200  # about the pose at rest, for each place of the ball
+DRAWS = 200  # about the pose at rest, for each place of the ball; each run has so many more
 HANDED = 12  # kicks that a point hands on for each direction: 80 % of a generation
 BESIDE = 5  # kicks of each point beside that are played for it
-NEAR = 2  # simulators of step 1 in the second run
 AGAIN = 3  # new trials of a kick
 HOPE = 0.25  # m, in the simulator: step 1 ends there
 RULES = Rules(
@@ -94,22 +94,35 @@ class Bench:
         """The robot, and a person who measures where the ball went."""
         return Tape(self.hidden, self.robot, task, self.threads)
 
+    def sizes(self, run: str) -> Rules:
+        """Those of every step in one of `RUNS`."""
+        if run == "point":
+            return self.rules
+        second = replace(self.rules, near=2, iterations=1)
+        return second if run == "second" else replace(second, first=2 * self.rules.first, steps=3)
+
     def point(
-        self, at: tuple[int, ...], done: dict[tuple[int, ...], dict], simulator: np.ndarray, number: int = 1
+        self,
+        at: tuple[int, ...],
+        done: dict[tuple[int, ...], dict],
+        simulator: np.ndarray,
+        run: str = "point",
     ) -> dict:
-        """Solve one point in a run, from what was found beside it, and from the last simulator (P,)."""
-        began, name = time.process_time(), f"kick {at}" if number == 1 else f"kick {at} again"
+        """Solve one point in one of `RUNS`, from what was found beside it, and from the last simulator (P,)."""
+        began, name = time.process_time(), f"kick {at}" if run == "point" else f"kick {at} {run}"
         task = self.task(goal_of(at))
         tasks = [self.task((*goal_of(at)[:2], float(way))) for way in kicking.AXES[2]]
-        rules = self.rules if number == 1 else replace(self.rules, near=NEAR, iterations=1)
+        rules = self.sizes(run)
         own = Played(self.robot, task, self.hidden.seed, self.threads)
         played = Recorded(own, tasks, at[2], rules.near)
-        self.seed(played, at, done, simulator)
+        self.seed(played, at, done, simulator, run)
         seeds = played.best(HANDED, at[2])
         world, spent = self.world(played, task, name)
-        nothing = np.empty((0, len(played.played.space)))
+        known = np.empty((0, len(played.played.space)))
+        if rules.steps and done[at]["unit"] is not None:
+            known = np.array([done[at]["unit"]])
         free = np.arange(len(self.robot.space))
-        found = back_to_reality(world, rules, nothing, simulator, free, seeds)
+        found = back_to_reality(world, rules, known, simulator, free, seeds)
         again: list[float] = []
         if found.best is not None:
             again = self.trials(played.played, task, found.best.gait, f"{name} again", AGAIN)
@@ -121,14 +134,17 @@ class Bench:
             "core seconds": time.process_time() - began,
         }
 
-    def seed(self, played: Recorded, at: tuple[int, ...], done: dict, simulator: np.ndarray) -> None:
+    def seed(
+        self, played: Recorded, at: tuple[int, ...], done: dict, simulator: np.ndarray, run: str
+    ) -> None:
         """Play what the first generation is chosen from: draws, the same for each place, and kicks from beside.
 
         A draw is simulated once for all directions.
         """
         space = played.played.space
-        draws = space.about_rest(DRAWS, stream(self.hidden.seed, "kicks", *at[:2]))
-        key = simulator.tobytes() + bytes(at[:2])
+        count = DRAWS * (1 + [*RUNS].index(run))
+        draws = space.about_rest(count, stream(self.hidden.seed, "kicks", *at[:2]))
+        key = simulator.tobytes() + bytes((*at[:2], count // DRAWS))
         if key not in self.drawn:
             self.drawn.clear()
             self.drawn[key] = played.played.walk(draws, simulator[None])
@@ -201,7 +217,7 @@ def main() -> None:
 
 
 def one_robot(bench: Bench, journal: Journal, order: list[tuple[int, ...]]) -> None:
-    """All points in turn, and what lies between them once all are solved or given up."""
+    """All points in turn, then what is unsolved again, and at the end what lies between them."""
     seed = bench.hidden.seed
     own = [line for line in journal.lines() if line["robot"] == seed]
     done = {tuple(line["at"]): line for line in own if line["step"] == "point"}
@@ -212,14 +228,15 @@ def one_robot(bench: Bench, journal: Journal, order: list[tuple[int, ...]]) -> N
             done[at] = journal.add({"robot": seed, "step": "point", "at": at, **found})
             print(f"{time.strftime('%H:%M:%S')} {at}: {done[at]['again']} m", flush=True)
         simulator = np.array(done[at]["simulator"])
-    second = {tuple(line["at"]): line for line in own if line["step"] == "second"}
-    for at in [at for at in order if not reached(done[at])]:
-        if at not in second:
-            found = bench.point(at, done, simulator, 2)
-            second[at] = journal.add({"robot": seed, "step": "second", "at": at, **found})
-            print(f"{time.strftime('%H:%M:%S')} {at}, second run: {found['again']} m", flush=True)
-        done[at] = both(done[at], second[at])
-        simulator = np.array(second[at]["simulator"])
+    for run in [*RUNS][1:]:
+        again = {tuple(line["at"]): line for line in own if line["step"] == run}
+        for at in [at for at in order if not reached(done[at])]:
+            if at not in again:
+                found = bench.point(at, done, simulator, run)
+                again[at] = journal.add({"robot": seed, "step": run, "at": at, **found})
+                print(f"{time.strftime('%H:%M:%S')} {at}, {RUNS[run]}: {found['again']} m", flush=True)
+            done[at] = both(done[at], again[at])
+            simulator = np.array(again[at]["simulator"])
     if len(done) == len(ORDER) and not any(line["step"] == "between" for line in own):
         found = bench.between(goals_of(done).filled())
         journal.add({"robot": seed, "step": "between", "goals": found})

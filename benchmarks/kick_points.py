@@ -1,4 +1,4 @@
-"""What came of the points of paper B's kick: which are solved, after one run or two, and how they are counted."""
+"""What came of the points of paper B's kick: which are solved, after up to three runs, and how they are counted."""
 
 from collections.abc import Iterator
 
@@ -11,7 +11,7 @@ from dynreg.adapt.tried import Reached
 
 SOLVED = 0.1  # m, in a trial's score: the ball rolls for more than its diameter where it was aimed
 LEVELS = (0.1, 0.2, 0.3)  # m, at which points are counted
-RUNS = {"point": "first run", "second": "second run"}
+RUNS = {"point": "first run", "second": "second run", "third": "third run"}  # by the step of the journal
 COSTS = ("trials", "falls", "rollouts", "core seconds")
 
 
@@ -42,17 +42,17 @@ def mean(line: dict) -> float:
     return float(np.mean(line["again"])) if line["again"] else 0.0
 
 
-def both(first: dict, second: dict) -> dict:
-    """A point after its second run: the better answer, and what both runs have cost."""
-    better = max((first, second), key=lambda line: (reached(line), mean(line)))
-    return better | {key: first[key] + second[key] for key in COSTS}
+def both(before: dict, again: dict) -> dict:
+    """A point after another run: the better answer, and what all runs have cost."""
+    better = max((before, again), key=lambda line: (reached(line), mean(line)))
+    return better | {key: before[key] + again[key] for key in COSTS}
 
 
 def points_of(lines: list[dict], seed: int) -> dict[tuple[int, ...], dict]:
-    """The points of a robot, after both runs."""
+    """The points of a robot, after all runs."""
     done: dict[tuple[int, ...], dict] = {}
     for line in lines:
-        if line["robot"] == seed and line["step"] in ("point", "second"):
+        if line["robot"] == seed and line["step"] in RUNS:
             at = tuple(line["at"])
             done[at] = both(done[at], line) if at in done else line
     return done

@@ -7,7 +7,7 @@ import bench_kick
 import kicking
 import pytest
 from bench_kick import ORDER, RULES, Bench
-from kick_points import SOLVED, both, goals_of, points_of, reached, show
+from kick_points import RUNS, SOLVED, both, goals_of, points_of, reached, show
 from kicking import SHAPE, goal_of
 
 from dynreg.gait.space import gait_space
@@ -28,6 +28,14 @@ def test_it_has_the_paper_s_genes_points_and_shares(dog: Robot) -> None:
     assert len({*ORDER}) == len(kicking.points()) == 30
     assert {goal_of(at) for at in ORDER} == {*kicking.points()}
     assert bench_kick.HANDED == 0.8 * RULES.gaits and RULES.goal == SOLVED
+
+
+def test_only_the_third_run_refines_on_the_robot_and_it_seeks_for_longer(dog: Robot) -> None:
+    bench = Bench(aibo.Hidden(5, dog.space.as_dict(dog.space.nominal), material=False), dog, RULES, 1)
+    first, second, third = map(bench.sizes, RUNS)
+    assert (first.near, second.near, third.near) == (1, 2, 2)
+    assert first.steps == second.steps == 0 < third.steps
+    assert third.first == 2 * second.first and third.iterations == second.iterations == 1
 
 
 def line(*again: float) -> dict:
