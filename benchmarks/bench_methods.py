@@ -59,6 +59,7 @@ NOMINAL, BTR = "nominal", "btr"
 PEER = "mujoco.sysid"
 ITERATIONS = 30  # of mujoco.sysid
 TRIALS = 190  # of btr, as in the paper
+ORACLES = 5  # searches in the robot's own simulator
 LOGS = tuple(name for name, kind in METHODS.items() if not kind.tries)  # methods that take one
 WHEELED = ("diffdrive",)
 
@@ -201,7 +202,7 @@ def answers(session: dynreg.Session, secret: Secret, given: argparse.Namespace, 
         if "error" in found:
             line["share"] = found["error"] / found["nominal"]
         if secret.robot == "quadruped" and made is not None:
-            line["walk"] = walks.figures(made)
+            line["walk"] = walks.figures(made, *([ORACLES] if method == TRUE else []))
         yield line | {"told": named(robot, hidden, found.get("causes")), **found}
 
 

@@ -68,7 +68,9 @@ def _walks(lines: list[dict]) -> None:
     for m in sorted(_methods(lines), key=speed, reverse=True):
         mine = [x["walk"] for x in lines if x["method"] == m]
         share = f"{speed(m) / speed(TRUE):5.2f} of the oracle's" if TRUE in _methods(lines) else ""
-        falls, rank = sum(w["falls"] for w in mine), float(np.mean([w["rank"] for w in mine]))
+        falls, trials = (sum(w[k] for w in mine) for k in ("falls", "trials"))
+        rank = float(np.mean([w["rank"] for w in mine]))
         print(
-            f"    {m:16} walks {100 * speed(m):6.1f} cm/s {share}, {falls} falls, rank correlation {rank:+.2f}"
+            f"    {m:16} walks {100 * speed(m):6.1f} cm/s {share}, {falls} of {trials} trials fell, "
+            f"rank correlation {rank:+.2f}"
         )
