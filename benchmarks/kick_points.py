@@ -68,10 +68,12 @@ def goals_of(done: dict[tuple[int, ...], dict]) -> Goals:
 
 
 def found_again(lines: list[dict]) -> Iterator[str]:
-    """How many kicks scored half of what the simulator said, by run and iteration, and what adaptations left."""
+    """How many of step 1's kicks scored half of what the simulator said, by run and iteration, and what adaptations left."""
     kicks, left = [], []
     for line in lines:
         for number, simulated, scores in line["tried"]:
+            if simulated is None:  # a kick that the point had before, or of the small steps on the robot
+                continue
             real = 0.0 if None in scores else float(np.mean(scores))
             kicks.append((f"{RUNS[line['step']]}, iteration {number}", real >= 0.5 * simulated))
         left += [after / before for made, before, after in line["versions"] if made == "adapted"]

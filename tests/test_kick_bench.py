@@ -57,7 +57,7 @@ def test_a_point_is_solved_by_new_trials_that_all_stand_and_reach_it_in_the_mean
 
 def test_points_are_counted_and_told(capsys) -> None:
     cost = {"trials": 4, "falls": 1, "rollouts": 10, "core seconds": 1.0}
-    tried = [(1, 0.2, [0.1, 0.2, 0.0]), (1, 0.2, [0.3, None]), (2, 0.2, [0.09])]
+    tried = [(1, 0.2, [0.1, 0.2, 0.0]), (1, 0.2, [0.3, None]), (2, 0.2, [0.09]), (2, None, [0.3])]
     made = [("start", None, None), ("adapted", 0.4, 0.1)]
     told = {"robot": 1, "step": "point", "tried": tried, "versions": made, **cost}
     rows = [told | {"at": at} | line(*[0.01 * i] * 3) for i, at in enumerate(ORDER)]
