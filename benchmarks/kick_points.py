@@ -68,7 +68,7 @@ def goals_of(done: dict[tuple[int, ...], dict]) -> Goals:
 
 
 def found_again(lines: list[dict]) -> Iterator[str]:
-    """How many of step 1's kicks scored half of what the simulator said, by run and iteration, and what adaptations left."""
+    """How many of the simulators' kicks scored half of what these said, by run, and what adaptations left."""
     kicks, left = [], []
     for line in lines:
         for number, simulated, scores in line["tried"]:
