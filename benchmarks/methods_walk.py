@@ -48,11 +48,11 @@ class Walks:
             self.robot, self.hidden.parameters, self.hidden.terms, self.hidden.values, **told
         )
 
-    def figures(self, config: SimConfig, searches: int = SEARCHES) -> Mapping[str, object]:
+    def figures(self, config: SimConfig, searches: int) -> Mapping[str, object]:
         """{"speed", "simulated" [m/s], "falls", "trials", "rank"} of gaits sought in a simulator, and of the simulator.
 
-        speed : of the middle one of the searches, by its speed on the robot; simulated : of the same gait. falls : of
-        the trials of all of them, which are so many.
+        speed : of the middle one of the searches, by its speed on the robot; simulated : of the same gait. falls :
+        trials that fell, of all searches. trials : how many there were.
         """
         trials, real, found = self._trials(config), self.real, []
         for number in range(searches):

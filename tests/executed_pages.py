@@ -71,8 +71,10 @@ _BLOCK = re.compile(
     r"^```(?P<language>console|python)\n(?P<body>.*?)^```\n(?P<text>\n```text\n.*?^```\n)?",
     re.DOTALL | re.MULTILINE,
 )
-# Seconds of the clock: the last column of a table whose head ends with "time [s]", and the number before " s" that ends
-# a line with "cost:" or "added in" or follows its simulations, stands alone in its line, or is that of "a diagnosis".
+# Seconds of the clock: the last column of a table whose head ends with "time [s]", and a number before " s" that
+# - ends a line with "cost:" or "added in", or follows the simulations in it,
+# - stands alone in its line,
+# - is that of "a diagnosis".
 _CLOCK = re.compile(
     r"(?:(?<=, )|(?<=in )|^)[\d.]+ s$|(?<=simulations, )[\d.]+ s(?=,)|[\d.]+ s(?= a diagnosis)"
     r"|(?<=of a diagnosis )[\d.]+(?= s$|$)"

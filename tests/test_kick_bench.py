@@ -81,6 +81,9 @@ def test_a_second_run_counts_both_costs_and_keeps_the_better_kick() -> None:
         for step, one in (("point", first), ("second", good))
     ]
     assert points_of(rows, 1) == {(0, 1, 2): both(*rows)} and points_of(rows, 2) == {}
+    third = {"robot": 1, "at": [0, 1, 2], "step": "third"} | line(0.3, 0.3, 0.3) | cost
+    assert points_of([*rows, third], 1)[0, 1, 2]["trials"] == 12
+    assert points_of([*rows, third], 1)[0, 1, 2]["again"] == third["again"]
 
 
 def test_a_kick_that_a_point_beside_it_found_is_found_again(dog: Robot, monkeypatch) -> None:
@@ -97,3 +100,15 @@ def test_a_kick_that_a_point_beside_it_found_is_found_again(dog: Robot, monkeypa
     assert found["ended"] == "goal" and found["trials"] == RULES.repeats and found["falls"] == 0
     assert reached(found) and found["rollouts"] == 4 + 1 + RULES.gaits
     assert found["score"] == pytest.approx(found["simulated"], abs=0.08)
+
+
+def test_a_third_run_tries_first_what_the_point_had_before(dog: Robot, monkeypatch) -> None:
+    monkeypatch.setattr(bench_kick, "DRAWS", 2)
+    monkeypatch.setattr("reality_runs.FINER", 1)
+    nominal = aibo.Hidden(5, dog.space.as_dict(dog.space.nominal), material=False)
+    bench = Bench(nominal, dog, replace(RULES, first=1, stand=2), 1)
+    before = {(0, 1, 1): {"handed": [[] for _ in range(SHAPE[2])], "unit": KICK}}
+    found = bench.point((0, 1, 1), before, dog.space.to_unit(dog.space.nominal), "third")
+    (_, simulated, scores), *_ = found["tried"]
+    assert simulated is None and min(scores) >= SOLVED and found["ended"] == "goal"
+    assert found["rollouts"] == 3 * 2 + 2 * RULES.gaits, "draws, and a generation in two simulators"

@@ -20,8 +20,8 @@ AT_ONCE = 8
 class Ahead:
     """Sequences of normalised rows, inputs (N, H, D) and targets (N, H, S), held ready to judge models.
 
-    The same models give the same bytes on any number of threads; with other models beside it, a model's misses may
-    differ in their last bits.
+    The last bits of what a model misses depend on the models in its product. Who judges models in several threads gives
+    each of them whole products of `AT_ONCE`, so that their number changes nothing.
     """
 
     def __init__(self, inputs: np.ndarray, targets: np.ndarray, normaliser: Normaliser):

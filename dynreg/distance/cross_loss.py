@@ -84,12 +84,12 @@ class CrossLoss:
         if not len(ids):
             return np.zeros(0)
         found = self._bank(ids).pairs(at, np.concatenate([at[len(a) :], at[: len(a)]]))
-        return _far((found[: len(a)] + found[len(a) :]) / (self.own[a] + self.own[b]))
+        return _far(found[: len(a)] + found[len(a) :], self.own[a] + self.own[b])
 
     def matrix(self) -> np.ndarray:
-        """(M, M) all distances: the oracle."""
+        """(M, M) all distances, infinite as in `pairs`: the oracle."""
         found = self._bank(np.arange(len(self))).all()
-        return (found + found.T) / (self.own[:, None] + self.own[None, :])
+        return _far(found + found.T, self.own[:, None] + self.own[None, :])
 
     def query(
         self, model: MlpStack, inputs: np.ndarray, targets: np.ndarray, own: float
@@ -102,7 +102,7 @@ class CrossLoss:
         def some(ids: np.ndarray) -> np.ndarray:
             bank = self._bank(ids)
             theirs, mine = bank.of_set(inputs, targets), bank.of_model(model)
-            return _far((theirs + mine) / (own + self.own[ids]))
+            return _far(theirs + mine, own + self.own[ids])
 
         def to(ids: np.ndarray) -> np.ndarray:
             parts = [some(ids[i : i + BATCH]) for i in range(0, len(ids), BATCH)]
@@ -114,6 +114,7 @@ class CrossLoss:
         return LossBank(self.stack[ids], self.inputs[ids], self.targets[ids], threads=self.threads)
 
 
-def _far(distance: np.ndarray) -> np.ndarray:
-    """Distances, infinite where a loss is no finite number: a model that diverges is near to nobody."""
-    return np.where(distance > 0.0, distance, np.inf)
+def _far(crossed: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """Distances of sums of losses, infinite where one is no finite number: a model that diverges is near to nobody."""
+    known = np.isfinite(crossed) & np.isfinite(own) & (own > 0.0)
+    return np.divide(crossed, own, out=np.full(np.shape(crossed), np.inf), where=known)

@@ -15,8 +15,8 @@ from dynreg.distance.query import Ranked, in_order
 SETTLED = 2  # rounds that must leave the nearest ones as they are, before a search ends
 SETTLED_ON = 5  # nearest ones that are watched
 AROUND = 8  # of the best, whose mean place says which others are worth foreseeing
-# Entries farther than so many times the nearest, or 1 where that is less, say nothing of the near ones. With 5 and with
-# 10 searches by cross-loss find the same.
+# An entry says nothing of the near ones if it is farther than FAR times the nearest distance. A nearest distance below
+# 1 counts as 1, which is as bad as the base model. With 5 and with 10 searches by cross-loss find the same.
 FAR = 10.0
 
 
@@ -72,7 +72,7 @@ def _next(
     effort: Effort,
 ) -> np.ndarray:
     """Those of `others` that are foreseen to miss least, by what the judged `ids` (m,) missed (m, F)."""
-    sound = far < FAR * max(1.0, far.min(initial=np.inf, where=np.isfinite(far)))
+    sound = far < FAR * max(1.0, far.min(initial=np.inf))
     if not sound.any() or not len(others):
         return others[: effort.each]
     if not sound.all():

@@ -28,7 +28,7 @@ def effort(entries: int) -> Effort:
 
     By twelve quadrupeds that report nothing, among the 400 of 1,000 that may be asked: recall@5 1.00 with 256 judged,
     0.98 with 190. Among the 3,500 of 10,000: 0.90 with 418 judged; a walk over the graph 0.63 with 568, 0.73 with 760.
-    Among 5,000 servos 1.00 with 416. A ridge of 0.3 finds 0.98 there, and as much of quadrupeds.
+    Among 4,000 servos 1.00 with 416. A ridge of 0.3 finds 0.98 there, and as much of quadrupeds.
     """
     return Effort(least=round(250 * (entries / 400) ** 0.22), near=2**31, ridge=0.1)
 
@@ -112,7 +112,7 @@ def _sought(asked: DistanceQuery, to: To, own: np.ndarray) -> Ranked:
 def places(vectors: np.ndarray, own: np.ndarray, hub: np.ndarray) -> np.ndarray:
     """(M, D' + 2) what a search knows of entries: embeddings (M, D'), own losses (M,) and lengths of links (M,).
 
-    Own losses count by their logarithms: they are to foresee those of distances, which fall as own losses rise.
+    Own losses count by their logarithms: the search foresees logarithms of distances, which fall as own losses rise.
     """
     sound = np.isfinite(vectors).all(axis=1)  # a model that predicts no number must not hide the others
     spread = np.sqrt(vectors[sound].var(axis=0).sum()) + 1e-9

@@ -14,7 +14,7 @@ from dynreg.models.normaliser import Normaliser
 from dynreg.models.threads import available_threads, in_threads, single_threaded, worker_pool
 from dynreg.rng import stream
 
-BATCH = 50  # models at once where all are judged
+BATCH = 6 * AT_ONCE  # models at once where all are judged
 QUERY_ROWS = 200  # sequences of the recording on which every entry's model is judged,
 AHEAD = 2  # steps long each
 FORESEEN = 64  # of these sequences, on which misses are foreseen

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from dynreg.data.checks import check_clocks, errors
-from dynreg.data.checks.clock import likely_unit, slow_clock, whole_step
+from dynreg.data.checks.clock import likely_unit, slow_clock, usual_step, whole_step
 from dynreg.data.drafting import Draft
 from dynreg.data.episodes import raw_episodes
 from dynreg.data.readers.columns import stated_unit
@@ -28,7 +28,7 @@ WHITE = {3: 0.717, 4: 0.700, 5: 0.685, 6: 0.673, 7: 0.661, 8: 0.651}
 FLAT = 0.8  # share to which the next order falls where noise is left alone: less, and it is motion still
 # Noise that is never undercut, by unit: numbers are rounded.
 LEAST = {"rad": 1e-5, "m": 1e-6, "rad/s": 1e-4, "m/s": 1e-5}
-EPOCH = 1e8  # [s] stamps from which on count seconds since 1970: it is the year 1973
+SINCE_1970 = (1e9, 1e10)  # [s] stamps that count from 1970: of the years 2001 to 2286. More are milliseconds
 STILL = 2.0  # times its noise that a signal varies, 1 sigma, below which its motion cannot be told from noise
 WHOLE = 0.02  # share of a quantum by which steps may miss a whole number of it
 FOLLOWS = 0.8  # correlation from which a command is one for the position
@@ -144,34 +144,30 @@ def require_clocks(told: Heard, log: RawLog) -> None:
             "a map",
         )
     column = log.metadata.get("time_column")
-    if column is None or log.metadata["time_unit"] != "s":
+    if not told.series or column is None or log.metadata["time_unit"] != "s":
         return
-    if stated_unit(column) is None and (step := _whole_step(log)):
+    # A table may hold slow signals beside quick ones: the quickest clock tells the unit.
+    time = min((s.time for s in log.sources.values() if len(s) > 2), key=usual_step, default=np.zeros(0))
+    if stated_unit(column) is None and not _tells_seconds(log) and (step := whole_step(time)):
         raise LogError(
             f"{log.path.name}: stamps in column {column!r} go up by {step}: seconds ({1 / step:g} Hz) or milliseconds "
             f"({1000 / step:g} Hz)",
             expected="a name of the column that tells the unit",
-            do="call the column time_ms, or time_s; if it counts rows, write seconds in their place",
+            do="call the column time_ms, or time_s; if it counts rows, replace it by seconds",
         )
-    for series in told.series.values():
-        unit = likely_unit(series.time)
-        if unit is not None:
-            raise LogError(
-                f"{log.path.name}: {slow_clock(series.time, unit)}",
-                expected=f"seconds in column {column!r}, or a name that tells the unit",
-                do=f"call the column time_{unit}",
-            )
+    unit = likely_unit(time)
+    if unit is not None:
+        raise LogError(
+            f"{log.path.name}: {slow_clock(time, unit)}",
+            expected=f"seconds in column {column!r}, or a name that tells the unit",
+            do=f"call the column time_{unit}",
+        )
 
 
-def _whole_step(log: RawLog) -> int | None:
-    """By how much the clock of a table goes up, where seconds and milliseconds cannot be told apart; None for others.
-
-    A date tells its unit, and so does a clock that counts from 1970.
-    """
-    if log.start % 1.0 != 0.0 or log.start >= EPOCH:
-        return None
-    steps = {whole_step(series.time) for series in log.sources.values()}
-    return next(iter(steps)) if len(steps) == 1 else None
+def _tells_seconds(log: RawLog) -> bool:
+    """Whether a log's first stamp tells that its clock counts seconds: a date, a time since 1970, or a fraction."""
+    first, last = SINCE_1970
+    return first <= log.start < last or log.start % 1.0 != 0.0
 
 
 def sensed(series: Series, unit: str) -> Sensed | None:

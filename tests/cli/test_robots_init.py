@@ -3,6 +3,7 @@
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 ARM = """<mujoco><worldbody><body name="arm"><joint name="turn" axis="0 1 0" damping="0.1"/>
@@ -98,6 +99,12 @@ def _moving(times: list[str], clock: str, size: float = 1.0) -> str:
         ([f"{10**7 * (k + 17 * 10**10)}" for k in range(600)], "call the column time_ns"),
         ([f"{k + 1700}" for k in range(600)], "go up by 1: seconds (1 Hz) or milliseconds (1000 Hz)"),
         ([f"{2 * k}" for k in range(600)], "go up by 2: seconds (0.5 Hz) or milliseconds (500 Hz)"),
+        (
+            [f"{1767225600000 + k}" for k in range(600)],
+            "go up by 1: seconds (1 Hz) or milliseconds (1000 Hz)",
+        ),
+        ([f"{100_000_000 + k}" for k in range(600)], "go up by 1: seconds (1 Hz) or milliseconds (1000 Hz)"),
+        ([f"{k // 3 + k % 3}" for k in range(600)], "the clock runs back"),
         ([f"{k % 300 / 100}" for k in range(600)], "the clock runs back by 2.99 s"),
         ([f"{k // 300}" for k in range(600)], "the clock stands still"),
     ],
@@ -130,6 +137,7 @@ def test_the_name_that_the_error_proposes_makes_the_clock_known(
     "times",
     [
         [f"{k + 0.5}" for k in range(600)],
+        [f"{k + (0.25 if k == 7 else 0.0)}" for k in range(600)],
         [f"{1.7e9 + k:.0f}" for k in range(600)],
         [f"2026-01-05T{k // 3600:02}:{k // 60 % 60:02}:{k % 60:02}Z" for k in range(600)],
     ],
@@ -141,12 +149,28 @@ def test_a_slow_clock_that_tells_its_unit_is_no_error(times: list[str], dynreg, 
     assert made.status == 0 and "at 1 Hz" in made.out, made
 
 
-def test_commands_once_a_second_beside_a_quick_clock_are_no_slow_clock(dynreg, here: Path) -> None:
+@pytest.mark.parametrize("every", [1, 5])
+def test_rare_commands_beside_a_quick_clock_are_no_slow_clock(every: int, dynreg, here: Path) -> None:
+    """A command each second, or each five."""
     (here / "arm.xml").write_text(ARM)
-    told = [f"{k / 100},{0.01 * k:.4f},{0.01 * k if k % 100 == 0 else ''}" for k in range(3000)]
+    told = [f"{k / 100},{0.01 * k:.4f},{0.01 * k if k % (100 * every) == 0 else ''}" for k in range(6000)]
     (here / "run.csv").write_text("\n".join(["time,pos_turn,cmd_turn", *told]))
     made = dynreg(*"robots init arm.xml --log run.csv".split())
-    assert "go up by" not in made.err, made
+    assert made.status == 0 and "at 100 Hz" in made.out, made
+
+
+def test_of_two_clocks_without_a_unit_the_quicker_one_is_told(dynreg, here: Path) -> None:
+    (here / "arm.xml").write_text(ARM)
+    rows = np.arange(600.0)
+    arrays = {
+        "time": rows,
+        "pos_turn": 0.01 * rows,
+        "cmd_time": 2.0 * rows[:300],
+        "cmd_turn": 0.02 * rows[:300],
+    }
+    np.savez(here / "run.npz", **arrays)
+    made = dynreg(*"robots init arm.xml --log run.npz".split())
+    assert made.status == 1 and "go up by 1" in " ".join(made.err.split()), made
 
 
 def test_a_later_log_in_degrees_is_told_by_the_stops_of_the_model(dynreg, here: Path) -> None:

@@ -51,6 +51,15 @@ def test_own_losses_from_training_take_the_place_of_measured_ones(stack, rows):
     assert np.abs(with_given.pairs(a, b) / measured.pairs(a, b) - 1).max() > 0.05
 
 
+def test_an_entry_whose_own_loss_is_no_number_is_infinitely_far_from_all(stack, rows):
+    given = np.array([1.0, np.inf, 1.0, np.nan, 1.0, 1.0])
+    distance, lost = CrossLoss(stack, *rows, given), [1, 3]
+    to = distance.query(stack[0], rows[0][0], rows[1][0], 1.0)
+    for found in (distance.matrix()[0], distance.pairs(np.zeros(MODELS, dtype=int), np.arange(MODELS))):
+        assert np.isinf(found[lost]).all() and np.isfinite(np.delete(found, lost)).all()
+    assert np.isinf(to(np.arange(MODELS))[lost]).all()
+
+
 def test_a_query_that_is_an_entry_is_as_far_from_the_others_as_the_entry(stack, rows):
     x, y = rows
     distance = CrossLoss(stack, x, y)

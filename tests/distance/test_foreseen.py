@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dynreg.distance.foreseen import Effort, seek
-from dynreg.distance.linked import effort, link_lengths, places
+from dynreg.distance.linked import HUB_WEIGHT, effort, link_lengths, places
 from dynreg.index import Graph, GraphSettings
 from dynreg.rng import stream
 
@@ -59,6 +59,16 @@ def test_the_nearest_are_found_where_all_are_far():
     assert np.mean(recalls) >= 0.95
 
 
+def test_what_is_far_beside_the_base_model_still_counts_where_the_nearest_miss_nearly_nothing():
+    """So near a nearest one leaves none within a multiple of its distance."""
+    recalls = []
+    for seed in range(4):
+        planted = Planted(seed)
+        planted.far *= 1e-3 / planted.far.min()
+        recalls.append(np.isin(np.argsort(planted.far)[:5], planted.found().order[:5]).mean())
+    assert np.mean(recalls) >= 0.95
+
+
 def test_each_is_judged_once_and_all_that_are_judged_are_told():
     planted = Planted(1)
     found = planted.found()
@@ -89,6 +99,16 @@ def test_an_entry_whose_model_predicts_no_number_leaves_the_places_of_the_others
     others = np.arange(20) != 7
     right = places(vectors[others], own[others], own[others])
     np.testing.assert_array_equal(places(lost, own, own)[others], right)
+
+
+def test_a_place_tells_the_embedding_the_logarithm_of_the_own_loss_and_the_length_of_links():
+    vectors, rng = Planted(6).vectors[:9], stream(6, "own losses and hubs")
+    own, hub = np.exp(rng.normal(size=9)), rng.uniform(1.0, 2.0, 9)
+    found = places(vectors, own, hub)
+    np.testing.assert_allclose(found[:, :-2].var(axis=0).sum(), 1.0)
+    np.testing.assert_allclose(found[:, -2], np.log(own), rtol=1e-6)
+    np.testing.assert_allclose(np.median(found[:, -1]), HUB_WEIGHT)
+    np.testing.assert_allclose(found, places(vectors, own, 7.0 * hub), err_msg="whatever the unit of lengths")
 
 
 def test_the_length_of_an_entrys_links_is_the_median_of_those_that_were_measured():

@@ -53,7 +53,8 @@ def test_more_models_than_one_batch_give_the_same_numbers():
     )
 
 
-def test_two_steps_ahead_the_model_runs_on_its_own_prediction():
+@pytest.mark.parametrize("steps", [2, 3])
+def test_some_steps_ahead_the_model_runs_on_its_own_prediction(steps):
     """A sequence that one entry itself made is predicted by it without error, whatever the normaliser."""
     direction = np.array([1.0, -0.5, 0.2])
     base, entries = family(direction, np.array([0.0, 0.4, 1.0]))
@@ -61,9 +62,9 @@ def test_two_steps_ahead_the_model_runs_on_its_own_prediction():
     plain = Normaliser(
         rng.normal(size=4), rng.uniform(0.5, 2, 4), 0.1 * rng.normal(size=3), rng.uniform(0.1, 1, 3)
     )
-    states, actions = rng.normal(size=(60, 3)), rng.normal(size=(60, 2, 1))
+    states, actions = rng.normal(size=(60, 3)), rng.normal(size=(60, steps, 1))
     inputs, targets = [], []
-    for step in range(2):
+    for step in range(steps):
         x = plain.inputs(states, actions[:, step], np.zeros((60, 0)))
         y = predict(entries[[1]], x)[0]
         inputs.append(x)

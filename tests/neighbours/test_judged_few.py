@@ -82,9 +82,21 @@ def test_a_walk_that_finds_too_few_is_counted_beside_all_that_are_judged_then(se
 def test_a_search_is_the_same_on_any_number_of_threads(servos, searching, monkeypatch):
     """Its threads share what is judged at once: here two products of models and a part of one."""
     monkeypatch.setattr(one_sided, "FIRST", 2 * ahead.AT_ONCE + 3)
-    one, three = (DISTANCES["one_sided"].rank(asked(servos, 2, threads=n)) for n in (1, 3))
+    products, missed = [], ahead.Ahead._missed
+    monkeypatch.setattr(
+        ahead.Ahead, "_missed", lambda own, stack: (products.append(len(stack)), missed(own, stack))[1]
+    )
+    found, sizes = [], []
+    for threads in (1, 3):
+        products.clear()
+        found.append(DISTANCES["one_sided"].rank(asked(servos, 2, threads=threads)))
+        sizes.append(sorted(products))
+    one, three = found
     np.testing.assert_array_equal(one.order, three.order)
     np.testing.assert_array_equal(one.distance, three.distance)
+    assert sizes[0] == sizes[1] and sizes[0].count(ahead.AT_ONCE) >= 2, (
+        "last bits hang on what is in a product"
+    )
 
 
 def test_the_answer_tells_how_many_of_how_many_were_evaluated(servos, searching):

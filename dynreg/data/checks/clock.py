@@ -80,7 +80,7 @@ def check_clock(time: np.ndarray, where: str) -> Iterator[Finding]:
 
 def likely_unit(time: np.ndarray) -> str | None:
     """The unit ("ms", "us" or "ns") of stamps (T,) whose steps are too long to be seconds; None for others."""
-    step = _usual_step(time)
+    step = usual_step(time)
     if step <= SLOW_STEP:
         return None
     return "ns" if step > 2e5 else "us" if step > 200 else "ms"
@@ -88,7 +88,7 @@ def likely_unit(time: np.ndarray) -> str | None:
 
 def whole_step(time: np.ndarray) -> int | None:
     """The usual step of stamps that are whole numbers, 1 or 2; None for others. Longer ones have a `likely_unit`."""
-    step, known = _usual_step(time), time[np.isfinite(time)]
+    step, known = usual_step(time), time[np.isfinite(time)]
     whole = 1.0 <= step <= SLOW_STEP and bool((np.mod(np.append(known, step), 1.0) == 0.0).all())
     return int(step) if whole else None
 
@@ -97,17 +97,17 @@ def slow_clock(time: np.ndarray, unit: str) -> str:
     """What is said of stamps (T,) that count in this `likely_unit`, or in a finer one that may be meant as well."""
     rates = _rates(time, unit)
     told = [LIKELY[one] + f" ({rate:.0f} Hz)" * (len(rates) > 1) for one, rate in rates.items()]
-    return f"the median step is {_usual_step(time):.4g} s: the clock looks like {' or '.join(told)}"
+    return f"the median step is {usual_step(time):.4g} s: the clock looks like {' or '.join(told)}"
 
 
 def _rates(time: np.ndarray, unit: str) -> dict[str, float]:
     """{unit: rows a second [Hz]} of a clock that counts in this `likely_unit`, or in a finer one."""
-    step, units = _usual_step(time), list(LIKELY)
+    step, units = usual_step(time), list(LIKELY)
     rates = {one: 1.0 / (step * UNITS[one][1]) for one in units[units.index(unit) :]}
     return {one: rate for one, rate in rates.items() if one == unit or rate <= FASTEST}
 
 
-def _usual_step(time: np.ndarray) -> float:
+def usual_step(time: np.ndarray) -> float:
     """The median step of a clock [s]; 0 for too few stamps."""
     steps = np.diff(time)
     moving = steps[steps > 0]
