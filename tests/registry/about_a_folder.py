@@ -46,6 +46,7 @@ _ALONE = {
     "test_a_page_of_a_process_that_was_cut_short_is_synced_before_it_is_followed": _LEDGER,
     "test_a_page_of_another_ledger_does_not_follow": _LEDGER,
     "test_added_files_are_put_away": _HAND,
+    "test_what_a_file_manager_leaves_is_no_fault_and_stays": _HAND,
 }
 
 

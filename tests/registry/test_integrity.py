@@ -225,6 +225,7 @@ STRANGE = {
 
 
 NOT_THERE = {
+    "a view in place of a table": "a table of somebody else that refers to dynreg's rows keeps them",
     "a trigger": "what a server does beside dynreg's tables is its owner's to judge",
     "a table more": "a database may hold other tables",
     "bytes for a name": "PostgreSQL keeps no bytes in a column of text",

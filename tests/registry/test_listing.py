@@ -1,6 +1,7 @@
 """What a registry holds is listed in a stated order: as it came, or by name."""
 
 import pytest
+from hands import files_of, stored
 from registry_contents import POPULATION, ROBOT, fill, make_measured, make_recording
 
 from dynreg.errors import Damaged
@@ -44,11 +45,11 @@ def put(registry: Registry, kind: str, number: int) -> str:
 def test_what_is_damaged_is_listed_and_can_be_removed(kind, path, robot) -> None:
     with Registry.open(path, create=True) as registry:
         fill(registry, robot)
-        sound = put(registry, kind, 1)
-        before = {*(path / f"{kind}s").iterdir()}
+        sound, before = put(registry, kind, 1), {*stored(path)}
         damaged = put(registry, kind, 2)
-        (file,) = {*(path / f"{kind}s").iterdir()} - before
-        file.write_bytes(b"junk")
+    (name,) = (name for name in {*stored(path)} - before if name.startswith(f"{kind}s/"))
+    with files_of(path) as files:
+        (files / name).write_bytes(b"junk")
     with Registry.open(path) as registry:
         with pytest.warns(Damaged, match=f"{kind} {damaged[:12]} cannot be read"):
             told = {item.id: item.name for item in listing(registry, kind).items}
