@@ -192,7 +192,7 @@ class Bench:
 def main() -> None:
     """Run what is left, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--robots", type=int, default=1)
+    parser.add_argument("--robots", type=int, default=2)
     parser.add_argument("--points", type=int, default=len(ORDER), help="only the first so many")
     parser.add_argument("--scale", type=float, default=1.0, help="share of the generations of step 1")
     parser.add_argument("--search", default=RULES.search, choices=("cma", "roulette"), help="of step 1")
