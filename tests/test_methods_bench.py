@@ -42,6 +42,45 @@ def test_each_method_is_held_against_the_best_one_in_pairs(bench_methods: Module
     assert "p 0.001" in told["cma"] and "not sure" in told["es"]
 
 
+def test_of_some_searches_the_middle_one_by_its_speed_on_the_robot_counts(
+    bench_methods: ModuleType, monkeypatch, capsys
+) -> None:
+    """Five searches find gaits of as many genes; each is tried three times, and one of them falls once."""
+    import methods_walk
+
+    from dynreg.evidence.truth import Hidden
+    from dynreg.sim.config import SimConfig
+
+    robot = bench_methods.described("quadruped")
+    nominal = robot.space.nominal
+    walks = methods_walk.Walks(robot, Hidden((), (), nominal, 5, None), 1)
+    asked, scores = [], iter([3.0, 3.0, None, 9.0, 9.0, 9.0, 1.0, 1.0, 1.0, 7.0, 7.0, 7.0, 5.0, 5.0, 5.0])
+
+    def seek(trials, settings):
+        asked.append((settings.seed, settings.packaged))
+        value = argparse.Namespace(value=10.0 * len(asked) * walks.task.seconds)
+        return argparse.Namespace(genes=trials.space.bounds.mean(axis=1), found=value)
+
+    monkeypatch.setattr(methods_walk, "seek", seek)
+    monkeypatch.setattr(methods_walk, "rank_correlation", lambda sim, real: np.array([0.5]))
+    monkeypatch.setattr(methods_walk.Walks, "ranked", np.zeros(methods_walk.FIXED))
+    monkeypatch.setattr(
+        methods_walk.Walks,
+        "_score",
+        lambda own, real, row, name: (x := next(scores)) and x * own.task.seconds,
+    )
+    found = walks.figures(SimConfig.of(robot, nominal), 5)
+    assert found == {"speed": 5.0, "simulated": 50.0, "falls": 1, "trials": 15, "rank": 0.5}
+    assert asked == [(5 + number, False) for number in range(5)]
+    bench_methods.show(
+        [line(bench_methods.TRUE, 0, 0.1) | {"walk": found}, line("cma", 0, 0.2) | {"walk": found}]
+    )
+    assert (
+        "cma              walks  500.0 cm/s  1.00 of the oracle's, 1 of 15 trials fell"
+        in capsys.readouterr().out
+    )
+
+
 def test_robots_outside_hide_each_another_cause_and_those_inside_none(bench_methods: ModuleType) -> None:
     given = argparse.Namespace(robots=6, seconds=[10.0])
     for robot in ("servo_pendulum", "quadruped"):
