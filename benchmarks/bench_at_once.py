@@ -66,7 +66,7 @@ def compared(seed: int, given: argparse.Namespace, searches: Path) -> dict:
     with tempfile.TemporaryDirectory() as folder, dynreg.open(Path(folder) / "registry") as session:
 
         def timed(arm: str, search: Callable[[], tuple]) -> Any:
-            """What a search found, and what it ran and took with all its interrupted runs."""
+            """What a search found; in `ran` and `took` what it cost with all its interrupted runs."""
             given.resume = any((searches / arm).glob("*.jsonl"))
             with kept_searches(session.registry.journal_path("").parent, searches / arm):
                 found, ran[arm] = search()
