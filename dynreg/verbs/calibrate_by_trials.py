@@ -74,7 +74,7 @@ def calibrate_by_trials(
     if settings.resume and not journals.begun(KEPT):
         if (ended := stored_answer(registry, None, key)) is not None:
             return ended
-    played = door_of(robot_door, registry, asked.robot, task, settings, log_map, say, rules.goal)
+    played = door_of(robot_door, registry, asked.robot, task, settings, log_map, say, rules)
     door = ScoredRobot(asked.robot, task, played, budget=_budget(settings))
     left = _left(journals, door)
     trying = Trying(door, gaits, rules, goes_on=left is not None)

@@ -14,6 +14,7 @@ from dynreg.verbs.calibrate import TRIALS, able, no_door
 from dynreg.verbs.subjects import loaded_robot
 
 if TYPE_CHECKING:
+    from dynreg.adapt.tried import Rules
     from dynreg.verbs.calibrate import CalibrateSettings
 
 
@@ -61,9 +62,9 @@ def door_of(
     settings: "CalibrateSettings",
     log_map: Any,
     say: Callable[[str], None],
-    goal: float | None,
+    rules: "Rules",
 ) -> RealRobot | Player:
-    """The robot as it is tried: itself, a function, or a folder for its trials, which says of which goal they are.
+    """The robot as it is tried: itself, a function, or a folder for its trials, which says of which rules they are.
 
     Raises UsageError for anything else, for a map where no log is read from a file, and as `ScoredFolder.begin`.
     """
@@ -74,8 +75,9 @@ def door_of(
     method = settings.method
     if isinstance(door, str | Path):
         given, path = None if log_map is None else read_map(log_map), folder_of(door)
-        told = {"method": method, "seed": settings.seed, "goal": goal, "most": settings.trials or TRIALS}
-        folder = ScoredFolder(path, registry, robot, given, say, task=task, **told)
+        told = {"method": method, "seed": settings.seed, "goal": rules.goal, "search": rules.search}
+        most = settings.trials or TRIALS
+        folder = ScoredFolder(path, registry, robot, given, say, task=task, most=most, **told)
         folder.begin(settings.resume)
         return folder
     if not isinstance(door, RealRobot) and not callable(door):

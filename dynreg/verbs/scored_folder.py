@@ -11,6 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from dynreg.adapt.tried import ROULETTE
 from dynreg.data.recording import Recording
 from dynreg.data.units import suffix
 from dynreg.errors import LogError, MapError, UsageError
@@ -32,8 +33,8 @@ class ScoredFolder(TrialFolder):
     """The trials of one calibration: `trial_N.csv` is to be played, and `trial_N_score.txt` or `trial_N_log.*` answers.
 
     The file of a score has one line: the score in the task's unit, or `fell`. `trials.json` says which robot, task,
-    method, seed and goal the trials are of. most : trials that there may be. hinted : has something once it was said
-    what to measure.
+    method, seed, goal and search the trials are of. most : trials that there may be. hinted : has something once it was
+    said what to measure.
     """
 
     goes_on: ClassVar[str] = GO_ON
@@ -43,6 +44,7 @@ class ScoredFolder(TrialFolder):
     method: str
     seed: int
     goal: float | None
+    search: str
     most: int
     hinted: list[str] = field(default_factory=list)
 
@@ -120,6 +122,7 @@ class ScoredFolder(TrialFolder):
             "method": self.method,
             "seed": self.seed,
             "goal": self.goal,
+            "search": self.search,
         }
 
     def _require_mine(self, written: bool) -> None:
@@ -137,12 +140,13 @@ class ScoredFolder(TrialFolder):
             told = dict(json.loads(path.read_bytes()))
         except (ValueError, TypeError):
             told = {}
+        told.setdefault("search", ROULETTE)  # folders from before there was another
         for name, value in self._question.items():
             if told.get(name) != value:
                 raise UsageError(
                     f"the trials in {str(self.path)!r} are of {name} {told.get(name)!r}, as {QUESTION} there says",
                     expected=f"{name} {value!r}, which is asked about now",
-                    do=other,
+                    do=f"{other}, or ask with that {name} again",
                 )
 
     def _answer(self, name: str) -> Path | None:

@@ -113,6 +113,7 @@ def test_a_folder_of_another_question_is_refused(opened: Session, brief: Robot, 
         ({"task": "turn"}, "task 'forward'"),
         ({"seed": 4}, "seed 3"),
         ({"goal": 9.0}, "goal None"),
+        ({"search": "cma"}, "search 'roulette'"),
     ):
         for resume in (False, True):
             with pytest.raises(UsageError, match=f"are of {says}.* name a new folder"):

@@ -51,7 +51,8 @@ def check_clock(time: np.ndarray, where: str) -> Iterator[Finding]:
             "error",
             "clock",
             f"{where}, row {row}",
-            f"the clock runs back by {-steps[row - 1]:.6g} s at {time[row - 1]:.6f} s ({len(back)} times); "
+            f"the clock runs back by {-steps[row - 1]:.6g} s at {time[row - 1]:.6f} s "
+            f"({len(back)} time{'s' * (len(back) > 1)}); "
             'mend it, or split there with by = "gaps" under [episodes]',
         )
     equal = steps == 0
@@ -64,7 +65,7 @@ def check_clock(time: np.ndarray, where: str) -> Iterator[Finding]:
             f"{where}, row {start}",
             f"the clock stands still at {time[start]:.6f} s for {run + 1} rows"
             if stopped
-            else f"{int(equal.sum())} stamps repeat the one before; the last row of each stands",
+            else f"{int(equal.sum())} stamps repeat the one before; of rows with the same stamp the last one counts",
         )
     moving, unit = steps[steps > 0], likely_unit(time)
     if unit is not None:
