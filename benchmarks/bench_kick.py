@@ -9,8 +9,9 @@ Step 1 begins with the best that the points beside it ended with, or of some dra
 CMA-ES from the best of them, which is much faster here; or with `--search roulette` the paper's, whose first 15 kicks
 are 12 of them (80 %, as in the paper's second run). Points that are left unsolved have a second run, from what is
 beside them by then, of one iteration: in it a kick counts by the worse of two simulators, the adapted one and one
-beside it. What is still unsolved has a third run like it. Step 1 takes twice as many generations there, the first kick
-tried is the best that the point has, and step 4 refines the best kick on the robot. Only the third run has a step 4.
+beside it. What is still unsolved has a third run like it. There step 1 begins with the best kick that the point has and
+takes twice as many generations. That kick is the first one tried. Step 4, which the other runs lack, refines the best
+one on the robot.
 
 A point counts as solved where three new trials, which no search has seen, stand and reach `SOLVED` in the mean. The
 best three of all its runs count, so that a point that is searched again has another chance. These trials are no part
@@ -142,9 +143,9 @@ class Bench:
         A draw is simulated once for all directions.
         """
         space = played.played.space
-        count = DRAWS * (1 + [*RUNS].index(run))
-        draws = space.about_rest(count, stream(self.hidden.seed, "kicks", *at[:2]))
-        key = simulator.tobytes() + bytes((*at[:2], count // DRAWS))
+        number = 1 + [*RUNS].index(run)
+        draws = space.about_rest(number * DRAWS, stream(self.hidden.seed, "kicks", *at[:2]))
+        key = simulator.tobytes() + bytes((*at[:2], number))
         if key not in self.drawn:
             self.drawn.clear()
             self.drawn[key] = played.played.walk(draws, simulator[None])

@@ -16,7 +16,8 @@ SETTLED = 2  # rounds that must leave the nearest ones as they are, before a sea
 SETTLED_ON = 5  # nearest ones that are watched
 AROUND = 8  # of the best, whose mean place says which others are worth foreseeing
 # An entry says nothing of the near ones if it is farther than FAR times the nearest distance. A nearest distance below
-# 1 counts as 1, which is as bad as the base model. With 5 and with 10 searches by cross-loss find the same.
+# 1 counts as 1, or one that misses nearly nothing would leave none to learn from. With 5 and with 10 searches by
+# cross-loss find the same.
 FAR = 10.0
 
 

@@ -225,7 +225,6 @@ STRANGE = {
 
 
 NOT_THERE = {
-    "a view in place of a table": "a table of somebody else that refers to dynreg's rows keeps them",
     "a trigger": "what a server does beside dynreg's tables is its owner's to judge",
     "a table more": "a database may hold other tables",
     "bytes for a name": "PostgreSQL keeps no bytes in a column of text",
@@ -236,7 +235,11 @@ NOT_THERE = {
 def test_strange_catalogues_are_refused_found_and_rebuilt(work, right, case):
     if shared_at(work) is not None and case in NOT_THERE:
         pytest.skip(NOT_THERE[case])
-    sql(work, *STRANGE[case])
+    statements = STRANGE[case]
+    if shared_at(work) is not None and case == "a view in place of a table":
+        # PostgreSQL: a table by another name would still refer to dynreg's rows, and keep them
+        statements = ("DROP TABLE results", *statements[1:])
+    sql(work, *statements)
     with pytest.raises(CorruptError, match="verify --repair"):
         answers(work)
     assert found(work)

@@ -470,9 +470,8 @@ def test_a_tape_measure_and_a_folder_will_do(
     assert found.cost.falls == 1 and found.cost.discarded == 2
     asked = [line for line in said if " on the robot (1 s)" in line]
     assert str(folder / "trial_1.csv") in asked[0] and len(asked) == 6
-    told = {"method": "btr", "seed": 3, "goal": None, "search": "roulette"}
-    question = {"task": task_of(brief), "most": 6, **told}
-    quiet = ScoredFolder(folder, opened.registry, brief, say=said.append, **question)
+    question = {"task": task_of(brief), "method": "btr", "seed": 3, "goal": None, "search": "roulette"}
+    quiet = ScoredFolder(folder, opened.registry, brief, say=said.append, most=6, **question)
     told = np.loadtxt(folder / "trial_1.csv", delimiter=",", skiprows=1)[:, 1:]
     assert quiet.told(told, brief.rate, "trial_1") == 0.11, "it is there already"
 
