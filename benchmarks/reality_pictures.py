@@ -22,6 +22,7 @@ from kept import RESULTS
 
 SIMULATED, REAL, OTHER = "#d9822b", "#0b63ce", "#a4a7aa"
 NAMES = {
+    "btr_cma": "Back to Reality, by CMA-ES",
     "btr": "Back to Reality",
     "roulette": "GA of paper B",
     "ga": "GA of paper A",
@@ -61,15 +62,18 @@ def compared(axes: plt.Axes, tried: list[dict], unit: float) -> None:
 
 def rising(axes: plt.Axes, cells: dict[str, dict], unit: float) -> None:
     """The best score of a single trial so far, of every method."""
-    scores = [s or 0.0 for one in cells["btr"]["tried"] for s in one["scores"]]
-    curves = {"btr": (np.arange(1, len(scores) + 1), np.maximum.accumulate(scores))}
+    curves = {}
     for name in NAMES:
-        if "history" in cells.get(name, {}):
-            curves[name] = tuple(np.array(cells[name]["history"]).T)
+        cell = cells.get(name, {})
+        if "history" in cell:
+            curves[name] = tuple(np.array(cell["history"]).T)
+        elif "tried" in cell:
+            scores = [s or 0.0 for one in cell["tried"] for s in one["scores"]]
+            curves[name] = (np.arange(1, len(scores) + 1), np.maximum.accumulate(scores))
     for (name, (trials, best)), dashes in zip(
-        curves.items(), ("-", "-", "--", ":", "-.", (0, (1, 3))), strict=False
+        curves.items(), ("-", "--", "-", "--", ":", "-.", (0, (1, 3))), strict=False
     ):
-        color = REAL if name == "btr" else OTHER
+        color = REAL if name.startswith("btr") else OTHER
         axes.step(trials, unit * best, where="post", color=color, ls=dashes, label=NAMES[name])
     axes.set(title="best trial so far on the robot", xlabel="trials", ylabel="speed [cm/s]")
 
@@ -114,8 +118,8 @@ def main(arguments: list[str] | None = None) -> None:
         axes.title.set_fontsize(9)
         axes.xaxis.label.set_fontsize(8)
         axes.yaxis.label.set_fontsize(8)
-    for axes in (left, middle):
-        axes.legend(frameon=False, fontsize=7)
+    left.legend(frameon=False, fontsize=7)
+    middle.legend(frameon=False, fontsize=6, loc="upper right", bbox_to_anchor=(1.0, 0.93))
     given.out.mkdir(parents=True, exist_ok=True)
     figure.savefig(given.out / "reality.png", dpi=100)
     plt.close(figure)
