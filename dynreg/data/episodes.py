@@ -378,5 +378,6 @@ def _differentiated(episode: RawEpisode, log_map: LogMap, spec: RecordingSpec) -
         if origin is not None:
             slope = derivative(origin, entry.filter_hz)
             values = slope.values * entry.scale + entry.offset
-            channels[channel.name] = Series(slope.time - entry.delay, values, channel.unit)
+            told = {"unit": channel.unit, "error": slope.error * abs(entry.scale)}
+            channels[channel.name] = replace(slope, time=slope.time - entry.delay, values=values, **told)
     return replace(episode, channels=channels)

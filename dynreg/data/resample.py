@@ -39,7 +39,7 @@ def resample(episode: RawEpisode, spec: RecordingSpec) -> tuple[float, np.ndarra
     for column, channel in enumerate(spec.channels):
         if channel.name in series:
             kept = series[channel.name]
-            values[:, column] = at(kept, start + grid, channel.hold)
+            values[:, column] = at(clean(kept), start + grid, channel.hold)
             raw = episode.channels[channel.name]
             values[_unknown(raw, kept.time, start + grid, channel, timed=spec.rate is None), column] = np.nan
     return start, grid, values
@@ -49,6 +49,11 @@ def _unknown(
     raw: Series, known: np.ndarray, time: np.ndarray, channel: ChannelSpec, *, timed: bool
 ) -> np.ndarray:
     """(T,) whether nobody knows a signal at `time`, whose numbers have the stamps `known`."""
+    if raw.error is not None:
+        before = np.searchsorted(raw.time, time + STAMP_TOLERANCE, side="right") - 1
+        after = np.searchsorted(raw.time, time - STAMP_TOLERANCE)
+        beside = np.clip([before, after], 0, len(raw) - 1)
+        return ~np.isfinite(raw.values[beside]).all(axis=0)
     nothing = raw.time[~np.isfinite(raw.values)]
     if channel.hold and 2 * len(nothing) > len(raw):
         return np.zeros(len(time), dtype=bool)  # it is logged when it changes, and holds
@@ -115,9 +120,13 @@ def _held_long(episode: RawEpisode, spec: RecordingSpec, end: float, much: float
 
 
 def _cleaned(episode: RawEpisode) -> dict[str, Series]:
-    """The channels of which anything is known."""
-    series = {name: clean(s) for name, s in episode.channels.items()}
-    return {name: s for name, s in series.items() if len(s)}
+    """The channels of which anything is known; a computed rate spans what it was computed from."""
+    known = {name: clean(s) for name, s in episode.channels.items()}
+    return {
+        name: s if (rate := episode.channels[name]).error is None else rate
+        for name, s in known.items()
+        if len(s)
+    }
 
 
 def _edges(series: dict[str, Series], spec: RecordingSpec) -> tuple[dict[str, float], dict[str, float]]:

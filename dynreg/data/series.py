@@ -53,11 +53,14 @@ class Series:
     time : (T,) seconds since the log's first stamp. Not yet checked: it may stop or run back.
     values : (T,) float64; NaN where the log holds none.
     unit : the unit that the log itself states, or None.
+    error : 1 sigma of that of a rate which was computed from another signal, in its unit; None of what was logged. What
+        a rate does not tell is not filled in by the rows beside it.
     """
 
     time: np.ndarray
     values: np.ndarray
     unit: str | None = None
+    error: float | None = None
 
     def __post_init__(self):
         time = np.ascontiguousarray(self.time, dtype=np.float64)
@@ -78,7 +81,7 @@ class Series:
 
     def rows(self, keep: np.ndarray | slice) -> "Series":
         """The same signal at some of its rows."""
-        return Series(self.time[keep], self.values[keep], self.unit)
+        return replace(self, time=self.time[keep], values=self.values[keep])
 
 
 def clean(series: Series) -> Series:

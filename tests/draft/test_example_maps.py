@@ -48,7 +48,9 @@ def test_a_robot_drafted_from_the_data_takes_its_log_with_the_example_map_and_wi
     assert (told.rows_count, told.episodes) == (1500, episodes) and told.rate == pytest.approx(rate)
     assert len(told.channels) == len(own.channels) == 3 * joints and told.notes == ()
     assert not [found for found in told.findings if found.startswith("error")]
-    assert all(np.isfinite(e.values).all() for e in stored.episodes)
+    for name, column in zip(stored.names, np.concatenate([e.values for e in stored.episodes]).T, strict=True):
+        share = 0.98 if name.endswith("/velocity") else 1.0  # of few rows no rate is told
+        assert np.isfinite(column).mean() >= share
     assert set(load_robot(folder).actions) <= set(stored.names)
 
 

@@ -92,10 +92,10 @@ def _position_of(name: str) -> str:
 
 
 def velocities(episode: RawEpisode, where: str) -> Iterator[Finding]:
-    """A velocity channel that is not the rate of its position."""
+    """A logged velocity that is not the rate of its position."""
     for name, velocity in episode.channels.items():
         position = episode.channels.get(_position_of(name))
-        if position is None:
+        if position is None or velocity.error is not None:
             continue
         slope = velocity_slope(position, velocity)
         if slope is None or AGREEMENT[0] <= slope <= AGREEMENT[1]:

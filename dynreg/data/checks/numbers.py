@@ -29,7 +29,10 @@ def check_numbers(
         return
     if dropped is not None and len(dropped):
         bad &= ~np.isin(series.time, dropped)
-    if bad.any():
+    if bad.any() and series.error is not None:
+        text = f"{int(bad.sum())} of {len(bad)} rates are not known: the signal turns too sharply there, or is silent"
+        yield Finding("info", "rate", where, text)
+    elif bad.any():
         row = int(np.argmax(bad))
         text = f"{int(bad.sum())} of {len(bad)} values are NaN or infinite; they are left out"
         yield Finding("warning", "nan", f"{where}, row {row}, {series.time[row]:.3f} s", text)
