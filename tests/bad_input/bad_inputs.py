@@ -453,6 +453,24 @@ ARGUMENTS = [
     Bad("an unknown hash", "query 00000000 -k 3", "'00000000'", 4),
     Bad("an unknown population", "query bench -k 3 --population crowd", "'crowd'", 4),
     Bad("a log without its robot", "query {tmp}/run.csv -k 3", "run.csv", 2, files=_csv(bench_csv())),
+    *(
+        Bad(
+            f"a map beside what is stored: {line.split()[0]}",
+            f"{line} --map {{tmp}}/map.toml",
+            "--map '{tmp}/map.toml' with recording 'bench', which is stored already",
+            2,
+            files={"map.toml": MAP},
+        )
+        for line in (
+            "query bench",
+            "diagnose bench @last",
+            "calibrate bench",
+            "compare bench",
+            "drift bench",
+            "gait bench",
+            "navigate bench --visit 1,1",
+        )
+    ),
     Bad(
         "a log and a robot that is none",
         "query {tmp}/run.csv --robot robbie",
