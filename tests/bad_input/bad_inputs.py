@@ -438,7 +438,13 @@ ARGUMENTS = [
     Bad("fewer than no simulators", "populate servo_pendulum -n -5", "-5", 2),
     Bad("how many simulators: a word", "populate servo_pendulum -n many", "'many'", 2),
     Bad("how many simulators: nothing", "populate servo_pendulum", "-n", 2),
-    Bad("half a simulator", "populate servo_pendulum -n 2.5", "2.5", 2),
+    Bad("half a simulator", "populate servo_pendulum -n 2.5", "-n '2.5'; expected a whole number", 2),
+    Bad("a power of ten", "populate servo_pendulum -n 1e3", "-n '1e3'; expected a whole number", 2),
+    Bad("a budget that is no number", "query bench --budget=x", "--budget 'x'; expected a whole number", 2),
+    Bad(
+        "a goal that is no number", "calibrate leg --method btr --goal x", "--goal 'x'; expected a number", 2
+    ),
+    Bad("a goal of nan", "calibrate leg --method btr --goal nan", "--goal nan; expected a number", 2),
     Bad("a negative seed", "populate servo_pendulum -n 4 --seed -1", "--seed -1", 2),
     Bad("a negative number of threads", "populate servo_pendulum -n 4 --threads -1", "--threads -1", 2),
     Bad("no neighbours", "query bench -k 0", "-k 0", 2),
