@@ -45,8 +45,8 @@ class CalibrateSettings(Settings):
     seed: int = seed("; `nearest`, `synthesis` and `ttest` do not use it")
     budget: int | None = option(
         None,
-        "Most simulations. What ranks simulators for `nearest` and `synthesis`, or describes the gait that `btr` found, "
-        "is not counted.",
+        "Most simulations. What ranks simulators for `nearest` and `synthesis`, or describes the gait that `btr` "
+        "found, is not counted.",
         usual=f"{USUAL} for a search; other methods have numbers of their own",
         least=1,
     )
