@@ -162,10 +162,21 @@ def one_of(names: Iterable[str], given: object = "", none: str = "there is nothi
     if not known:
         return f"none: {none}"
     if len(known) <= LISTED:
-        return f"one of {', '.join(map(repr, known))}"
+        return f"one of {quoted(known)}"
     if near := difflib.get_close_matches(str(given), known, n=5):
-        return f"one of {len(known)} names (near: {', '.join(map(repr, near))})"
-    return f"one of {', '.join(map(repr, known[:LISTED]))} and {len(known) - LISTED} more"
+        return f"one of {len(known)} names (near: {quoted(near)})"
+    return f"one of {quoted(known[:LISTED])} and {len(known) - LISTED} more"
+
+
+def quoted(names: Iterable[str]) -> str:
+    """Names in a sentence, as somebody would write them.
+
+    >>> quoted(["knee", "hip"])
+    "'knee', 'hip'"
+    >>> quoted([])
+    'none'
+    """
+    return ", ".join(map(repr, names)) or "none"
 
 
 def taken_apart(message: str) -> tuple[str, str, str]:

@@ -232,14 +232,12 @@ class Session:
         against : the earlier recording; by default the one of this robot that was ingested first. out : a Parquet file
         for the updated displacement table, a row for each sample, with which of them still count.
         """
-        from dynreg.verbs.subjects import recorded
+        from dynreg.verbs.subjects import every_recorded
 
         settings = DriftSettings(**told)
-        recent, earlier = (
-            None if one is None else recorded(self.registry, one, robot, log_map, ingest=False)
-            for one in (recording, against)
-        )
-        return drift(recent, earlier, settings, out=out, progress=progress)
+        named = [recording] if against is None else [recording, against]
+        recent, *earlier = every_recorded(self.registry, named, robot, log_map, ingest=False)
+        return drift(recent, earlier[0] if earlier else None, settings, out=out, progress=progress)
 
     navigate = about_recording(navigate, NavigateSettings)
 
@@ -270,7 +268,7 @@ class Session:
         from dynreg.gait.logged import LoggedRobot
         from dynreg.sim.real import RealRobot
         from dynreg.verbs.gait_rounds import require_query
-        from dynreg.verbs.subjects import recorded
+        from dynreg.verbs.subjects import recorded, require_log
         from dynreg.verbs.trial_folder import TrialFolder, folder_of
 
         settings = GaitRoundsSettings(**told)
@@ -282,6 +280,8 @@ class Session:
                 expected="a folder, a function that plays commands and returns the log, or a RealRobot",
                 do="give one of them",
             )
+        if log_map is not None and not isinstance(real, str | Path):
+            require_log(self.registry, [recording], robot, log_map)
         asked = recorded(self.registry, recording, robot, log_map, ingest=True)
         kept = {}
         if isinstance(real, str | Path):

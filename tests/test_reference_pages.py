@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from dynreg.distance.table import NAMES
+
 DOCS = Path(__file__).parents[1] / "docs"
 
 
@@ -40,3 +42,8 @@ def test_links_of_the_pages_lead_to_files_of_a_clone() -> None:
     for path in [DOCS.parent / "README.md", *DOCS.rglob("*.md")]:
         for link in re.findall(r"\]\((?!https?:|#)([^)#\s]+)", path.read_text("utf-8")):
             assert (path.parent / link).exists(), f"{path.name}: {link}"
+
+
+def test_every_distance_of_a_query_is_explained() -> None:
+    page = (DOCS / "numbers.md").read_text(encoding="utf-8")
+    assert [name for name in NAMES if f"\n| `{name}` | " not in page] == []

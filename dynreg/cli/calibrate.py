@@ -12,7 +12,7 @@ from dynreg.cli.output import say
 from dynreg.cli.told import naming
 from dynreg.verbs.calibrate import TRYING, CalibrateSettings, answered
 
-FLAGS = {"robot_door": "--trial", "gait": "--gait", "robot": "--robot", "log_map": "--map"}
+FLAGS = {"robot_door": "--trial", "gait": "--gait", "robot": "--robot"}
 
 
 def calibrate(

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dynreg.cli.help import VerbHelp
-from dynreg.cli.told import parameters, told
+from dynreg.cli.told import naming, parameters, told
 from dynreg.errors import DynregError, RobotError, UsageError, command
 from dynreg.foreign import visible
 from dynreg.session import DEFAULT, place
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 # A command in a text: from `dynreg VERB` at its beginning, or after a sign or word that leads to it, to the closing
 # backtick, a remark of the shell or the end.
 _COMMAND = re.compile(r"(?:(?<=^)|(?<=`)|(?<=: )|(?<=then ))dynreg [a-z][^`]*?(?=`|\s+#|$)")
+_FLAGS = {"log_map": "--map"}  # of what is no verb's setting
 _PANEL = "Global options"
 RegistryOption = Annotated[
     Path | None,
@@ -212,7 +213,8 @@ def verb(
             call = call_of(late.over(ctx.obj or Shared()))
             settings = {name: told(kind, given, call.settings) for name, kind in _settings(function)}
             try:
-                function(call, **given, **settings)
+                with naming(_FLAGS):
+                    function(call, **given, **settings)
             except DynregError as error:
                 error.do = call.here(error.do)
                 raise

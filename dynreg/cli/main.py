@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import sys
 import traceback
 from collections.abc import Sequence
@@ -54,6 +55,10 @@ REFUSALS = {
     getattr(errno, name)
     for name in ("ENOSPC", "EDQUOT", "EFBIG", "EIO", "EROFS", "EACCES", "EPERM", "EMFILE", "ENFILE", "ENOMEM")
 }
+
+# what typer says of text where a number is asked for, and what was expected
+_NUMBER = re.compile(r"valid (integer|number)\b")
+_NUMBERS = {"integer": "a whole number, such as 12", "number": "a number, such as 0.5"}
 
 # click's errors, wherever typer keeps its click
 _UsageError = typer.BadParameter.__bases__[0]
@@ -225,23 +230,27 @@ def _unforeseen(error: Exception) -> str:
 
 def _usage(error: Exception, arguments: Sequence[str]) -> str:
     """A misused command in one line: what is wrong, the form of the command, where its help is."""
-    problem = " ".join(error.format_message().split()).rstrip(".") + _given(error, arguments)
+    problem, given = " ".join(error.format_message().split()).rstrip("."), _given(error, arguments)
     context = getattr(error, "ctx", None)
+    kind = _NUMBER.search(problem)
+    if kind and given and context is not None:
+        return f"{' '.join(given)}; expected {_NUMBERS[kind[1]]}; see `{context.command_path} --help`"
+    problem += f" (given: {given[1]})" if given else ""
     if context is None:
         return f"{problem}; expected another value; see `dynreg --help`"
     form = " ".join(context.command.get_usage(context).removeprefix("Usage:").split())
     return f"{problem}; expected {form}; see `{context.command_path} --help`"
 
 
-def _given(error: Exception, arguments: Sequence[str]) -> str:
-    """The value that an option was given, which the message of a failed conversion leaves out."""
+def _given(error: Exception, arguments: Sequence[str]) -> tuple[str, ...]:
+    """The option and the value that it was given, which the message of a failed conversion leaves out; () for none."""
     for option in getattr(getattr(error, "param", None), "opts", ()):
         for here, following in zip(arguments, (*arguments[1:], ""), strict=True):
             if here == option and following:
-                return f" (given: {following!r})"
+                return option, repr(following)
             if here.startswith(f"{option}="):
-                return f" (given: {here.removeprefix(option + '=')!r})"
-    return ""
+                return option, repr(here.removeprefix(f"{option}="))
+    return ()
 
 
 def _end_quietly() -> int:

@@ -31,7 +31,10 @@ RobotOfLog = Annotated[
     str | None,
     typer.Option(help="Robot of a log; any with a recording's channels.", autocompletion=robot_names),
 ]
-MapOfLog = Annotated[Path | None, typer.Option("--map", help="Map of a log given by path.")]
+MapOfLog = Annotated[
+    Path | None,
+    typer.Option("--map", help="Map of a log given by path; what is stored already is not read again."),
+]
 Page = Annotated[
     Path | None, typer.Option(help="Also write an HTML report to this file, in place of one that is there.")
 ]

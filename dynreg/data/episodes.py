@@ -14,7 +14,7 @@ from dynreg.data.outliers import far_from_median, spikes
 from dynreg.data.patterns import search
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.series import Finding, RawLog, Series
-from dynreg.errors import LogError, MapError, one_of
+from dynreg.errors import LogError, MapError, one_of, quoted
 from dynreg.limits import limits, refuse
 
 Select = Callable[[Series], Series]
@@ -312,7 +312,7 @@ def _name(log: RawLog, log_map: LogMap, settings: Mapping[str, float], part: str
     except (LookupError, ValueError, TypeError, OverflowError) as error:
         raise MapError(
             f"the episode name {log_map.episodes.name!r} cannot be made: {error}",
-            expected=f"names among {sorted(known)}",
+            expected=f"names among {quoted(sorted(known))}",
             do="correct `name` under [episodes]",
         ) from None
 

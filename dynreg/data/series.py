@@ -35,13 +35,19 @@ def once(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """What is found alike in several places as one finding: the first place, and how many more.
 
     >>> [one.where for one in once(Finding("info", "gap", where, "long") for where in ("a", "b", "c"))]
-    ['a (and 2 more such places)']
+    ['a and 2 places more']
+    >>> [one.where for one in once(Finding("info", "gap", where, "long") for where in "ab")]
+    ['a and 1 place more']
     """
     places: dict[tuple[str, str, str], list[str]] = {}
     for f in findings:
         places.setdefault((f.severity, f.check, f.message), []).append(f.where)
-    more = {key: f" (and {len(where) - 1} more such places)" for key, where in places.items() if where[1:]}
+    more = {key: _more(len(where) - 1) for key, where in places.items()}
     return tuple(Finding(k[0], k[1], where[0] + more.get(k, ""), k[2]) for k, where in places.items())
+
+
+def _more(places: int) -> str:
+    return f" and {places} {'place' if places == 1 else 'places'} more" if places else ""
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from dynreg.data.names import joint_of
-from dynreg.errors import UsageError
+from dynreg.errors import UsageError, quoted
 from dynreg.evidence.hypothesis import Coordinates
 from dynreg.replay.windows import Windows
 from dynreg.sim.effects import Term, Terms
@@ -42,7 +42,7 @@ def only_joints(robot: Robot, joints: tuple[str, ...]) -> Robot:
     ]
     if not any(c.weight > 0 for c in channels):
         raise UsageError(
-            f"no channel of {list(joints)} has a weight",
+            f"no channel of {quoted(joints)} has a weight",
             expected="a channel to judge by",
             do="give one a weight in robot.toml",
         )

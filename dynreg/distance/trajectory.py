@@ -70,8 +70,8 @@ def _places(actions: np.ndarray, told: np.ndarray, episode: str) -> list[tuple[i
     found = np.argwhere(apart <= ALIKE * max(np.ptp(actions), 1e-12))  # NaN is no match
     if not len(found):
         raise UsageError(
-            f"episode {episode!r} of the recording ran commands that the population did not",
-            expected="the population's own command bank on the robot",
-            do="use --distance one_sided, or run the bank's commands on the robot",
+            f"--distance trajectory and episode {episode!r}, whose commands the population's simulators did not run",
+            expected="a recording of the commands that these simulators ran (those of [excitation] in robot.toml)",
+            do="leave --distance out, or run the commands of one of the population's episodes on the robot",
         )
     return [(int(run), int(row)) for run, row in found]

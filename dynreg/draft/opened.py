@@ -60,17 +60,31 @@ def open_model(source: Source, options: DraftOptions, notes: Notes) -> Opened:
     if options.free_base is not None:
         _set_base(spec, source.name, options.free_base, urdf)
     if not options.visuals:
-        dropped = spec.discard_visual()
-        if dropped:
-            notes.add(
-                f"{dropped} visual {'part' if dropped == 1 else 'parts'} left out; --visuals keeps them"
-            )
+        _discard_visual(spec, source.name, notes)
     for sensor in list(spec.sensors):
         spec.delete(sensor)
     _name_keys(spec, notes)
     assets = {path: assets[path] for path in _named(spec)}
     spec.assets = dict(assets)
     return Opened(_read(_with_names(spec.to_xml()), assets, source.name), assets)
+
+
+def _discard_visual(spec: mujoco.MjSpec, name: str, notes: Notes) -> None:
+    """Leave out what touches nothing. No mass changes: MuJoCo writes down inertias that it read off such geoms.
+
+    Raises RobotError where the model forbids that, as inertiafromgeom "true" does.
+    """
+    try:
+        dropped = spec.discard_visual()
+    except ValueError as error:
+        raise RobotError(
+            f"the visual parts of {name!r} cannot be left out: {error}",
+            expected='a model without inertiafromgeom="true", or one that keeps these parts',
+            do="add --visuals",
+        ) from None
+    if dropped:
+        parts, them = ("1 visual part is", "it") if dropped == 1 else (f"{dropped} visual parts are", "them")
+        notes.add(f"{parts} left out. All masses and inertias stay as they were; --visuals keeps {them}")
 
 
 def carries_tool(name: str) -> bool:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynreg.data.recording import Recording
-from dynreg.errors import UsageError
+from dynreg.errors import UsageError, quoted
 from dynreg.evidence.accuracy import STEP
 from dynreg.evidence.hypothesis import Coordinates
 from dynreg.excite.candidates import chirp, triangle
@@ -104,7 +104,7 @@ def hanging_legs(
     if unlike or not legs:
         raise UsageError(
             f"leg {unlike[0]!r} of robot {robot.name!r}" if unlike else "no leg",
-            expected=f"{ALL}, or some of {list(known)}",
+            expected=f"{ALL}, or some of {quoted(known)}",
             do="correct the name",
         )
     aims = tuple(name for name in AIMS if name in applicable(stand))

@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from dynreg.errors import RobotError, UsageError
+from dynreg.errors import RobotError, UsageError, quoted
 from dynreg.gait.table import JointTable, faded
 from dynreg.sim.excitation import command_limits, reset_pose
 from dynreg.sim.gait_tables import MotionTable
@@ -156,8 +156,8 @@ class Family(ABC):
         if set(genes) != set(self.names):
             wrong = sorted(set(genes) ^ set(self.names))
             raise UsageError(
-                f"a gait with genes {sorted(genes)} for robot {self.robot!r} ({wrong[0]!r} does not fit)",
-                expected=f"{list(self.names)}",
+                f"a gait with genes {quoted(sorted(genes))} for robot {self.robot!r} ({wrong[0]!r} does not fit)",
+                expected=f"{quoted(self.names)}",
                 do="name a gait of this robot",
             )
         return np.array([float(genes[name]) for name in self.names])
@@ -259,7 +259,7 @@ def ranged(robot: Robot, genes: tuple[Gene, ...], table: MotionTable) -> tuple[G
         if name not in names:
             raise RobotError(
                 f"{where} names {name!r} of a motion of kind {table.kind!r}",
-                expected=f"some of {names}",
+                expected=f"some of {quoted(names)}",
                 do="correct it in robot.toml",
             )
     made = tuple(Gene(g.name, g.unit, *table.ranges.get(g.name, (g.low, g.high)), g.periodic) for g in genes)
@@ -268,7 +268,7 @@ def ranged(robot: Robot, genes: tuple[Gene, ...], table: MotionTable) -> tuple[G
         if not bounds[name][0] <= value <= bounds[name][1]:
             raise RobotError(
                 f"start: {name} = {value} of robot {robot.name!r}",
-                expected=f"a value in {list(bounds[name])}",
+                expected="a value from {:g} to {:g}".format(*bounds[name]),
                 do="correct it in robot.toml, or widen `ranges`",
             )
     return made

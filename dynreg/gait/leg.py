@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from dynreg.errors import RobotError
+from dynreg.errors import RobotError, quoted
 from dynreg.sim.engines.mujoco_reset import foot_spheres
 from dynreg.sim.robot import Robot
 
@@ -124,7 +124,7 @@ def _leg(
 
 def _unlike(names: tuple[str, ...], what: str, expected: str) -> RobotError:
     return RobotError(
-        f"the joints {list(names)} do not make a leg for a gait of kind 'locus': {what}",
+        f"the joints {quoted(names)} do not make a leg for a gait of kind 'locus': {what}",
         expected=expected,
         do="correct [[gait.legs]] in robot.toml or the MJCF, or choose kind = 'sines'",
     )

@@ -13,7 +13,7 @@ from typing import Self
 
 import numpy as np
 
-from dynreg.errors import RobotError
+from dynreg.errors import RobotError, quoted
 from dynreg.gait.family import SLACK, Family, Gene, of_robot, ranged
 from dynreg.gait.leg import ROLES, Leg, legs_of
 from dynreg.gait.swing import swung
@@ -57,8 +57,8 @@ class Locus(Family):
     @classmethod
     def of(cls, robot: Robot, table: GaitTable) -> Self:
         if sorted(role.name for role in table.roles) != sorted(ROLES) or len(table.legs) != 4:
-            told = f"{len(table.legs)} legs with roles {[role.name for role in table.roles]}"
-            raise _unlike(robot, told, f"four legs with the roles {list(ROLES)}")
+            told = f"{len(table.legs)} legs with roles {quoted(role.name for role in table.roles)}"
+            raise _unlike(robot, told, f"four legs with the roles {quoted(ROLES)}")
         joints = [tuple(leg.joints[role] for role in ROLES) for leg in table.legs]
         legs = legs_of(robot, joints)
         hips = np.array([leg.hip for leg in legs])

@@ -9,7 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from dynreg.errors import RobotError
+from dynreg.errors import RobotError, quoted
 from dynreg.gait.family import SLACK, Family, Gene, of_robot, ranged
 from dynreg.gait.table import JointTable
 from dynreg.sim.gait_tables import PosesTable
@@ -158,7 +158,7 @@ def _check(robot: Robot, table: PosesTable, free: list[str], followed: dict[str,
     for name in (*every, *followed.values()):
         if name not in robot.joints:
             raise _unlike(
-                robot, table, f"no action drives joint {name!r}", f"joints out of {list(robot.driven)}"
+                robot, table, f"no action drives joint {name!r}", f"joints out of {quoted(robot.driven)}"
             )
     if twice := [name for i, name in enumerate(every) if name in every[:i]]:
         raise _unlike(robot, table, f"joint {twice[0]!r} stands twice", "each joint free, or following one")

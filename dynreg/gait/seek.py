@@ -7,7 +7,7 @@ from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
-from dynreg.errors import UsageError
+from dynreg.errors import UsageError, quoted
 from dynreg.gait.accept import ACCEPT, EACH, USUAL
 from dynreg.gait.tasks import fell as fallen
 from dynreg.gait.tasks import fitness
@@ -70,7 +70,7 @@ class SearchSettings:
         ):
             if value not in choices:
                 raise UsageError(
-                    f"{name} {value!r}", expected=f"one of {list(choices)}", do="choose one of them"
+                    f"{name} {value!r}", expected=f"one of {quoted(choices)}", do="choose one of them"
                 )
         if self.meets is not None and self.meets < 1:
             raise UsageError(f"meets = {self.meets}", expected="1 simulator or more", do="give more, or None")

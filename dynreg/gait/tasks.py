@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from dynreg.errors import RobotError, UsageError, one_of
+from dynreg.errors import RobotError, UsageError, one_of, quoted
 from dynreg.plugins import with_plugins
 from dynreg.sim.gait_tables import TaskTable
 from dynreg.sim.layout import BASE, continued
@@ -45,7 +45,7 @@ class Task:
         if unknown:
             raise RobotError(
                 f"task {table.name!r}: unknown value {unknown[0]!r}",
-                expected=f"some of {sorted(self.defaults)}",
+                expected=f"some of {quoted(sorted(self.defaults))}",
                 do="correct [[tasks]] in robot.toml",
             )
         self.name, self.motion = table.name, table.motion

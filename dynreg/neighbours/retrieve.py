@@ -33,7 +33,9 @@ def retrieve(asked: DistanceQuery, distance: str = AUTO, *, guess: bool = True) 
     recording without rows to judge.
     """
     if distance not in NAMES:
-        raise UsageError(f"distance {distance!r}", expected=f"one of {list(NAMES)}", do="choose one of them")
+        raise UsageError(
+            f"distance {distance!r}", expected=f"one of {', '.join(NAMES)}", do="choose one of them"
+        )
     if distance == AUTO:
         distance, ranked = _chosen(asked)
     elif asked.timed and DISTANCES[distance].models:

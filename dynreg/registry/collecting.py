@@ -23,6 +23,8 @@ from dynreg.registry.files import (
     LEDGER,
     ROBOTS,
     abandoned,
+    is_content,
+    is_passed_over,
     is_temporary,
     sweep,
     try_lock,
@@ -179,7 +181,7 @@ def _unnamed(directory: Directory, connection: Connection, doubted: tuple[Page, 
     files, robots = told(tables.files.c.path), told(tables.robots.c.hash)
     for folder in CONTENTS:
         for name in directory.names(folder):
-            if name in files or (directory.path / name).is_symlink():
+            if name in files or is_passed_over(name) or (directory.path / name).is_symlink():
                 continue
             if folder == ROBOTS and name.split("/")[1] in robots:
                 continue  # a put sweeps its maps, and what else is there is a fault
@@ -197,7 +199,7 @@ def _stale(directory: Directory, connection: Connection, caches: bool) -> Iterat
         return hashes_of_first(connection.execute(ids).scalars())
 
     for name in directory.names(INDEX):
-        if (directory.path / name).is_symlink():
+        if is_passed_over(name) or (directory.path / name).is_symlink():
             continue
         try:
             header = read_index(directory.brought(name))[0]
@@ -212,7 +214,7 @@ def _stale(directory: Directory, connection: Connection, caches: bool) -> Iterat
     root = directory.path
     for path in sorted((root / CACHE).rglob("*.json")):
         sound = is_sound(path)
-        if not is_temporary(path.name) and (caches or not sound):
+        if is_content(path.name) and (caches or not sound):
             why = _AGAIN if sound else _DAMAGED
             yield Unneeded(path.relative_to(root).as_posix(), why, size_of(path))
 

@@ -152,6 +152,12 @@ def is_litter(name: str) -> bool:
     return name in (".DS_Store", "Thumbs.db", "desktop.ini") or name.startswith("._")
 
 
+def is_passed_over(name: str) -> bool:
+    """True for litter by its path in a registry: but for names that a robot's own file may have, it stays unread."""
+    folder, *_, file = name.split("/")
+    return is_litter(file) and (folder != ROBOTS or file.startswith("."))
+
+
 def is_content(name: str) -> bool:
     """True for the names of what a user or dynreg keeps in a folder: neither temporary files nor litter."""
     return not is_temporary(name) and not is_litter(name)

@@ -12,7 +12,7 @@ from sqlalchemy import Connection, Row, select
 
 import dynreg.registry.tables as tables
 from dynreg.data.trajectories import Trajectories
-from dynreg.errors import CorruptError, NoMatchError, RegistryError
+from dynreg.errors import CorruptError, NoMatchError, RegistryError, quoted
 from dynreg.registry.bucket import Remote, not_as_stored
 from dynreg.registry.codec import decode_arrays
 from dynreg.registry.directory import Directory
@@ -39,7 +39,7 @@ def load_population(
     """
     if not set(columns) <= set(COLUMNS):
         raise RegistryError(
-            f"columns {list(columns)}", expected=f"some of {list(COLUMNS)}", do="name only these"
+            f"columns {quoted(columns)}", expected=f"some of {quoted(COLUMNS)}", do="name only these"
         )
     record = get_population(directory, population_id)
     with directory.catalog.read() as connection:

@@ -8,7 +8,7 @@ from collections.abc import Collection
 from sqlalchemy import Connection, select
 
 import dynreg.registry.tables as tables
-from dynreg.errors import AmbiguousError, Assumed, NoMatchError, RegistryError
+from dynreg.errors import AmbiguousError, Assumed, NoMatchError, RegistryError, quoted
 from dynreg.registry.versions import newest
 
 LAST = "@last"
@@ -43,7 +43,9 @@ def resolve(connection: Connection, ref: str, kinds: Collection[str] = KINDS) ->
     RegistryError : `kinds` holds a word that is no kind.
     """
     if not set(kinds) <= set(KINDS):
-        raise RegistryError(f"kinds {sorted(kinds)}", expected=f"some of {list(KINDS)}", do="name only these")
+        raise RegistryError(
+            f"kinds {quoted(sorted(kinds))}", expected=f"some of {quoted(KINDS)}", do="name only these"
+        )
     if ref == LAST and "recording" in kinds:
         return "recording", _last(connection)
     # SQLite takes no half of a surrogate pair, as a word has that is no UTF-8, and no name holds one

@@ -27,7 +27,7 @@ from dynreg.registry.files import (
     SEARCHES,
     StoredFile,
     is_content,
-    is_litter,
+    is_passed_over,
     is_temporary,
     read_regular,
     sha256_of,
@@ -117,7 +117,7 @@ def damaged_here(root: Path) -> dict[str, str]:
     """What is wrong with files of the cache and with journals of searches, which lie in the folder of any registry."""
     bad = {}
     for path in sorted((root / CACHE).rglob("*.json")):
-        if not is_temporary(path.name) and not is_sound(path):
+        if is_content(path.name) and not is_sound(path):
             bad[path.relative_to(root).as_posix()] = "it does not hold what was kept"
     for path in sorted((root / SEARCHES).glob("*.jsonl")):
         if problem := damage(path):
@@ -139,12 +139,7 @@ def _names(root: Path) -> list[str]:
         path for folder in folders for path in folder.rglob("*") if path.is_symlink() or not path.is_dir()
     )
     names = [path.relative_to(root).as_posix() for path in files if not is_temporary(path.name)]
-    return [name for name in names if not _is_passed_over(name)]
-
-
-def _is_passed_over(name: str) -> bool:
-    folder, *_, file = name.split("/")
-    return is_litter(file) and (folder != ROBOTS or file.startswith("."))
+    return [name for name in names if not is_passed_over(name)]
 
 
 def _sort(found: Found, halves: _Halves, path: Path, file: StoredFile) -> bool:

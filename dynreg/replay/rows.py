@@ -7,7 +7,7 @@ import numpy as np
 
 from dynreg.data.clocks import begins
 from dynreg.data.recording import Recording
-from dynreg.errors import LogError
+from dynreg.errors import LogError, quoted
 from dynreg.replay.timed import on_grid
 from dynreg.sim.robot import Robot
 
@@ -73,7 +73,7 @@ def rows_of(robot: Robot, recording: Recording) -> Rows:
     if missing or not robot.actions:
         raise LogError(
             f"the recording has no commands ({missing[0] if missing else 'the robot has no actions'})",
-            expected=f"the channels {list(robot.actions)}",
+            expected=f"the channels {quoted(robot.actions)}",
             do="record the commands too: without them nothing can be replayed or compared",
         )
     recording = on_grid(robot, recording)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from dynreg.errors import RobotError
+from dynreg.errors import RobotError, quoted
 from dynreg.sim.base import FREE
 from dynreg.sim.robot import Robot
 
@@ -31,7 +31,7 @@ def tracked_problems(robot: Robot) -> Iterator[RobotError]:
         if name not in beside:
             yield RobotError(
                 f"tracked body {name!r} is not beside the robot in the model",
-                expected=f"one of {beside}: bodies with a free joint of their own",
+                expected=f"one of {quoted(beside)}: bodies with a free joint of their own",
                 do="correct `tracked` of [robot], or add a <freejoint> to the body in the MJCF",
             )
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from dynreg.errors import UsageError
+from dynreg.errors import UsageError, quoted
 
 if TYPE_CHECKING:
     import numpy as np
@@ -70,8 +70,8 @@ def terms_of(config: SimConfig, robot: "Robot") -> "Terms":
         names = [p.name for p in found.effect.parameters]
         if sorted(values) != sorted(names):
             raise UsageError(
-                f"effect {key!r} with values for {sorted(values)}",
-                expected=f"one for each of {names}",
+                f"effect {key!r} with values for {quoted(sorted(values))}",
+                expected=f"one for each of {quoted(names)}",
                 do="see `dynreg effects`",
             )
         terms.append(found)

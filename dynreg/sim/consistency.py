@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from dynreg.data.names import joint_of
-from dynreg.errors import RobotError, one_of
+from dynreg.errors import RobotError, one_of, quoted
 from dynreg.sim.sets import parse
 from dynreg.sim.spec import RobotFile
 from dynreg.tomlfile import Location, line_of
@@ -54,7 +54,7 @@ def _gait(file: RobotFile) -> Iterator[Problem]:
                 yield (
                     ("gait", "legs", i, "joints"),
                     problem,
-                    f"joints out of {driven}",
+                    f"joints out of {quoted(driven)}",
                     "correct [[gait.legs]]",
                 )
     motions = [motion.name for motion in file.motions]

@@ -5,7 +5,7 @@ from types import MappingProxyType
 import mujoco
 import numpy as np
 
-from dynreg.errors import RobotError
+from dynreg.errors import RobotError, quoted
 from dynreg.sim.masses import grow, moving_sites, weight_at
 from dynreg.sim.sets import Assignment, combine, matching
 
@@ -60,7 +60,7 @@ def set_field(batch, model: mujoco.MjModel, assignment: Assignment, values: np.n
         if prefix not in _OBJECTS and prefix != "qpos":
             raise RobotError(
                 f"sets entry {assignment.text!r}: rows of {field!r} have no names",
-                expected=f"a field that starts with one of {sorted(_OBJECTS)}",
+                expected=f"a field that starts with one of {quoted(sorted(_OBJECTS))}",
                 do="correct the field",
             )
         rows = matching(names_of(model, prefix), assignment.elements, assignment.text)
@@ -119,7 +119,7 @@ def _add_masses(batch, model: mujoco.MjModel, assignment: Assignment, values: np
             raise RobotError(
                 f"sets entry {assignment.text!r}",
                 expected=f"'modifier.added_mass[NAME] +=' with a site out of {sites} or a body out of "
-                f"{[one for one in bodies[1:] if one]}",
+                f"{quoted(one for one in bodies[1:] if one)}",
                 do="correct the entry",
             )
         if name in sites:

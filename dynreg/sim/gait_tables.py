@@ -5,6 +5,7 @@ from typing import Annotated
 
 from pydantic import BeforeValidator, Field, Strict, field_validator, model_validator
 
+from dynreg.errors import quoted
 from dynreg.sim.table import Table
 
 Range = Annotated[tuple[float, float], Strict(False)]
@@ -97,7 +98,7 @@ class GaitTable(MotionTable):
         for leg in self.legs:
             if sorted(leg.joints) != sorted(roles):
                 raise ValueError(
-                    f"leg {leg.name!r} has joints for {sorted(leg.joints)}, not for {sorted(roles)}"
+                    f"leg {leg.name!r} has joints for {quoted(sorted(leg.joints))}, not for {quoted(sorted(roles))}"
                 )
             if set(leg.mirrored) - set(roles):
                 raise ValueError(f"leg {leg.name!r} mirrors {leg.mirrored}, not some of {roles}")

@@ -7,7 +7,7 @@ import numpy as np
 
 from dynreg.data.attitude import euler_angles
 from dynreg.data.names import parts_of
-from dynreg.errors import RobotError
+from dynreg.errors import RobotError, quoted
 from dynreg.sim.beside import tracked_bodies
 from dynreg.sim.held import scalar_joints
 from dynreg.sim.robot import Robot
@@ -223,5 +223,7 @@ def _second(action: str, first: str, joint: str) -> RobotError:
 
 def _unknown(what: str, choices: list[str]) -> RobotError:
     return RobotError(
-        f"{what} is not in the model", expected=f"one of {choices}", do="correct robot.toml or the MJCF"
+        f"{what} is not in the model",
+        expected=f"one of {quoted(choices)}",
+        do="correct robot.toml or the MJCF",
     )

@@ -6,7 +6,7 @@ from numbers import Integral, Real
 
 import numpy as np
 
-from dynreg.errors import UsageError, one_of
+from dynreg.errors import UsageError, one_of, quoted
 from dynreg.rng import stream
 from dynreg.sim.commands import limited, noisy
 from dynreg.sim.config import SimConfig, terms_of
@@ -229,7 +229,7 @@ def _require_mujoco(robot: Robot) -> None:
     if ENGINE not in offered:
         raise UsageError(
             f"robot {robot.name!r} cannot be stepped by hand: it does not run on MuJoCo",
-            expected=f"a robot with the engine {ENGINE!r}, not {list(offered)}",
+            expected=f"a robot with the engine {ENGINE!r}, not {quoted(offered)}",
             do="replay a recording's commands in its simulators with `dynreg compare`",
         )
 

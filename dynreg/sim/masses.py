@@ -7,7 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dynreg.errors import RobotError
+from dynreg.errors import RobotError, quoted
 
 Expand = Callable[[str], np.ndarray]  # field of MjModel of all simulators (B, ...), to be changed in place
 
@@ -63,7 +63,7 @@ def weight_at(model: mujoco.MjModel, name: str) -> Weight:
     if site < 0 or model.site_bodyid[site] == 0:
         raise RobotError(
             f"no site {name!r} on a body that moves",
-            expected=f"one of {moving_sites(model)}",
+            expected=f"one of {quoted(moving_sites(model))}",
             do="add a <site> to the body in the MJCF, or correct the name",
         )
     (axes,) = _rotations(model.site_quat[site][None])

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from dynreg.errors import RobotError, SimulationError
+from dynreg.errors import RobotError, SimulationError, quoted
 from dynreg.sim.engine import engines_with
 from dynreg.sim.robot import Robot
 from dynreg.sim.run import Run
@@ -240,6 +240,6 @@ def _drive_of(robot: Robot, joint: str, action: str):
             return table
     raise RobotError(
         f"no drive moves joint {joint!r} of action {action!r}",
-        expected=f"a [[drives]] table whose joint matches, not {[t.joint for t in robot.file.drives]}",
+        expected=f"a [[drives]] table whose joint matches, not {quoted(t.joint for t in robot.file.drives)}",
         do="add it to robot.toml",
     )

@@ -11,7 +11,7 @@ import numpy as np
 from dynreg.data.names import joint_of
 from dynreg.data.recording import Recording
 from dynreg.data.schema import ChannelSpec, RecordingSpec
-from dynreg.errors import LogError, RobotError, UsageError, one_of
+from dynreg.errors import LogError, RobotError, UsageError, one_of, quoted
 from dynreg.folder import TOML, Folder, expanded, read_folder
 from dynreg.sim.base import base_joint
 from dynreg.sim.closed import check_closed
@@ -99,7 +99,9 @@ class Robot:
         names = [self.model.key(i).name for i in range(self.model.nkey)]
         if name is not None and name not in names:
             raise RobotError(
-                f"[reset] keyframe {name!r} is not in the model", expected=f"one of {names}", do="correct it"
+                f"[reset] keyframe {name!r} is not in the model",
+                expected=f"one of {quoted(names)}",
+                do="correct it",
             )
         return -1 if name is None else names.index(name)
 
@@ -335,6 +337,6 @@ def require_commands(robot: Robot, recording: Recording) -> None:
     if missing:
         raise LogError(
             f"the recording holds no commands {missing[0]!r} of robot {robot.name!r}: nothing can be replayed",
-            expected=f"the channels {list(robot.actions)}",
+            expected=f"the channels {quoted(robot.actions)}",
             do="log the commands too and map them; until then it can only be checked, listed and exported",
         )

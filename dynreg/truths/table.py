@@ -5,7 +5,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from dynreg.errors import UsageError, one_of
+from dynreg.errors import UsageError, one_of, quoted
 from dynreg.rng import stream
 from dynreg.truths.arms import CAUSES_OF_ARMS, Arm
 from dynreg.truths.causes import CAUSES, cause, drawn
@@ -75,7 +75,7 @@ def log(truth: Truth, commands: Commands) -> np.ndarray:
     if unknown:
         raise UsageError(
             f"a hidden {truth.kind!r} has no joint {min(unknown)!r}",
-            expected=f"some of {list(robot.joints)}",
+            expected=f"some of {quoted(robot.joints)}",
             do="correct it",
         )
     try:

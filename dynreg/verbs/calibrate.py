@@ -45,9 +45,9 @@ class CalibrateSettings(Settings):
     seed: int = seed("; `nearest`, `synthesis` and `ttest` do not use it")
     budget: int | None = option(
         None,
-        "Most simulations, without those that rank entries for `nearest` and `synthesis` or describe the gait of"
-        " `btr`.",
-        usual=f"{USUAL} of a search, else its own number",
+        "Most simulations. What ranks simulators for `nearest` and `synthesis`, or describes the gait that `btr` "
+        "found, is not counted.",
+        usual=f"{USUAL} for a search; other methods have numbers of their own",
         least=1,
     )
     hold_out: str | None = hold_out()

@@ -1,13 +1,14 @@
 """Diagnose: which physical causes a simulator of a recorded robot lacks."""
 
 import time
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 from dynreg.diagnose.options import DiagnosisOptions
-from dynreg.errors import UsageError, command
+from dynreg.errors import Assumed, UsageError, command, quoted
 from dynreg.evidence.many import MANY
 from dynreg.progress import Progress
 from dynreg.verbs.settings import Settings, address, executor, hold_out, option, seed, threads
@@ -34,7 +35,8 @@ _FEW_WINDOWS = f"--windows {_FEW}"
 # A log of 40 s has but four rollouts of 10 s: eight windows leave none out there. On an arm of six joints half of the
 # expected simulations took 66 core seconds with eight windows, and 33 with this. One joint, or some effects, make no
 # shorter list of simulations: a short list of terms is refitted more thoroughly.
-_FIRST_LOOK = "--windows 4 --horizon 2 --max-causes 1"
+_FIRST_LOOK, _ONE = "--windows 4", "--max-causes 1"
+_SHORT = 2.0  # s of a rollout of a first look
 MOST_DRIVEN = 3  # joints: with more of them, or a free base, a diagnosis that is not made faster takes hours
 
 
@@ -60,15 +62,33 @@ def faster(settings: "DiagnoseSettings") -> str:
 
 def first_command(recording: str, robot: "Robot") -> str:
     """The command of a first diagnosis of a recording: the quick one where another would take hours."""
-    many = robot.floating or len(robot.driven) > MOST_DRIVEN
-    few = _FEW_WINDOWS if robot.floating else _FIRST_LOOK
-    quick = [*few.split(), *_NO_RUNS.split()] if many else []
-    if robot.floating and len(robot.space) > MANY:  # a list of each joint's own effects takes hours
+    if not robot.floating and len(robot.driven) <= MOST_DRIVEN:
+        return command("diagnose", recording)
+    stated = robot.file.replay.horizon
+    short = ["--horizon", f"{_SHORT:g}"] if stated is None or stated > _SHORT else []
+    if not robot.floating:
+        few = [*_FIRST_LOOK.split(), *short, *_ONE.split()]
+        return command("diagnose", recording, *few, *_NO_RUNS.split())
+    quick = [*_FEW_WINDOWS.split(), *_NO_RUNS.split()]
+    if len(robot.space) > MANY:  # a list of each joint's own effects takes hours
         from dynreg.sim.effects import applicable
 
         whole = [name for name, effect in applicable(robot).items() if effect.scope != "joint"]
-        quick += ["--horizon", "2", "--effects", ",".join(whole)]
+        quick += [*short, "--effects", ",".join(whole)]
     return command("diagnose", recording, *quick)
+
+
+def _tell_longer(robot: "Robot", asked: float | None) -> None:
+    """Warn where rollouts are asked for that are longer than the robot's own: they may drift apart."""
+    own = robot.file.replay.horizon
+    if own is not None and asked is not None and asked > own:
+        warnings.warn(
+            f"--horizon {asked:g} makes rollouts up to {asked / own:.2g} times as long as `[replay] horizon` in the "
+            f"robot.toml of {robot.name!r} ({own:g} s), beyond which they may drift apart. Without --horizon they have "
+            "that length",
+            Assumed,
+            2,
+        )
 
 
 def threshold_runs(of: str = "") -> int:
@@ -91,7 +111,12 @@ def tolerance(of: str = "") -> float:
 
 def horizon(of: str = "") -> float | None:
     """The setting of how long rollouts are."""
-    return option(None, _of(of, "Longest rollout in seconds."), usual="the robot's, or 10", above=0.0)
+    return option(
+        None,
+        _of(of, "Longest rollout in seconds."),
+        usual="horizon under [replay] of robot.toml, or 10 without one",
+        above=0.0,
+    )
 
 
 def windows(of: str = "") -> int | None:
@@ -167,7 +192,7 @@ class DiagnoseSettings(Settings):
         both = sorted({*(self.effects or ())} & {*self.without})
         if both:
             raise UsageError(
-                f"effects {both} are asked for and left out",
+                f"effects {quoted(both)} are asked for and left out",
                 expected="one of the two",
                 do="drop them from one",
             )
@@ -208,6 +233,7 @@ def diagnose(asked: "Recorded", settings: DiagnoseSettings, progress: Progress |
 
     began = time.perf_counter()
     registry, robot, recording, options = asked.registry, asked.robot, asked.recording, settings.options
+    _tell_longer(robot, settings.horizon)
     begin = start = None
     if settings.start != NOMINAL:
         begin = own(simulator(registry, settings.start, robot, recording.id), robot)

@@ -15,6 +15,9 @@ from dynreg.registry.files import LOCKS, try_lock
 from dynreg.search.journal import Journal, damage, head
 from dynreg.sim.versions import versions
 
+# of the settings of a calibration and of its rules, those that a command line tells
+FLAGS = ("seed", "budget", "hold_out", "start", "trial", "goal", "search")
+
 
 @dataclass(frozen=True)
 class Journals:
@@ -78,10 +81,10 @@ class Journals:
         begins = path.name.partition("-")[0]
         others = sorted(path.parent.glob(f"{begins}-*.jsonl"))
         if first and self.resume and not path.exists() and others:
+            told = [words for path in others if (words := unlike_words(self.how, head(path) or {}))]
             raise UsageError(
                 "nothing to resume with these settings: what was interrupted had others",
-                expected="; or ".join(filter(None, map(self._others, others)))
-                or f"the same {', '.join(self.how)}",
+                expected="; or ".join(told) or f"the same {', '.join(self.how)}",
                 do="give those, or begin anew without --resume",
             )
         if first and self.resume and not path.exists() and not self.trials:
@@ -91,14 +94,6 @@ class Journals:
         if not self.trials:
             key["versions"] = versions()
         return Journal(path, key, resume=self.resume and (stage == self.trials or self._serves(path, stage)))
-
-    def _others(self, path: Path) -> str:
-        """What an interrupted run was told otherwise, in words; "" where its journal does not tell."""
-        begun = head(path) or {}
-        unlike = {name: begun[name] for name, value in self.how.items() if begun.get(name, value) != value}
-        return ", ".join(
-            "another plan" if name == "plan" else f"{name} {told}" for name, told in unlike.items()
-        )
 
     def _serves(self, path: Path, stage: str) -> bool:
         """Whether the simulations that an interrupted run left can be used; where not, that is told.
@@ -117,6 +112,34 @@ class Journals:
     def _path(self, stage: str) -> Path:
         begins, ends = _hash({**self.question, "stage": stage}), _hash(self.how)
         return self.registry.journal_path(f"{begins}-{ends}")
+
+
+def unlike_words(how: Mapping[str, Any], begun: Mapping[str, Any]) -> str:
+    """What an interrupted run `begun` was told otherwise than `how`, as flags; "" where it does not tell.
+
+    Of its rules, which are a table, each that differs is told. Those without a flag are told by their names.
+
+    >>> unlike_words({"budget": None, "rules": {"goal": None}}, {"budget": 5, "rules": {"goal": 2.0}})
+    '--budget 5, --goal 2.0'
+    >>> unlike_words({"budget": 7, "plan": [1]}, {"budget": None, "plan": [2]})
+    'no --budget, another plan'
+    """
+    words = []
+    for name, now in how.items():
+        was = begun.get(name, now)
+        if isinstance(now, Mapping) and isinstance(was, Mapping):
+            words += filter(None, [unlike_words(now, was)])
+        elif was != now:
+            words.append(_told(name, was))
+    return ", ".join(words)
+
+
+def _told(name: str, value: Any) -> str:
+    """One setting of an interrupted run; lists of numbers and stages are not written out."""
+    if isinstance(value, list | Mapping):
+        return f"another {name}"
+    flag = f"--{name.replace('_', '-')}" if name in FLAGS else name
+    return f"no {flag}" if value is None else f"{flag} {value}"
 
 
 @contextmanager

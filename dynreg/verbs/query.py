@@ -38,7 +38,7 @@ class QuerySettings(Settings):
     budget: int | None = option(
         None,
         "Most simulations of the query; those of --distance replay come on top.",
-        usual="69, 26 for each parameter and 3 for each channel with noise; without noise 59 and 22 for each parameter",
+        usual="69 + 26 for each parameter + 3 for each channel with noise; without noise 59 + 22 for each parameter",
         least=1,
         shared=True,
     )

@@ -143,10 +143,11 @@ class ScoredFolder(TrialFolder):
         told.setdefault("search", ROULETTE)  # folders from before there was another
         for name, value in self._question.items():
             if told.get(name) != value:
+                was, now = (f"no {name}" if v is None else f"{name} {v!r}" for v in (told.get(name), value))
                 raise UsageError(
-                    f"the trials in {str(self.path)!r} are of {name} {told.get(name)!r}, as {QUESTION} there says",
-                    expected=f"{name} {value!r}, which is asked about now",
-                    do=f"{other}, or ask with that {name} again",
+                    f"the trials in {str(self.path)!r} are of {was}, as {QUESTION} there says",
+                    expected=f"trials of {now}, which is asked about now",
+                    do=f"{other}, or ask with {was} again",
                 )
 
     def _answer(self, name: str) -> Path | None:

@@ -9,12 +9,15 @@ Traceback (most recent call last):
 dynreg.errors.UsageError: seed -1; expected a whole number of 0 or more; give another number
 """
 
+import difflib
+import functools
 import inspect
 import re
 import warnings
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import MISSING, Field, dataclass, field, fields
+from math import isfinite
 from numbers import Real
 from operator import index
 from pathlib import Path
@@ -96,21 +99,27 @@ class Option:
                     raise UsageError(
                         f"{name} {one!r}", expected=expected, do="choose one of these", setting=name
                     )
+        if isinstance(value, float) and not isfinite(value):
+            raise UsageError(f"{name} {value}", expected=self._number(), do="give another", setting=name)
         if self.least is not None and not self.least <= value <= (self.most or float("inf")):
             raise UsageError(
                 f"{name} {value}", expected=self._range(), do="give another number", setting=name
             )
         if self.above is not None and not self.above < value < self.below:
-            expected = f"a number above {self.above:g}"
-            if self.below < float("inf"):
-                expected = f"a number between {self.above:g} and {self.below:g}"
-            raise UsageError(f"{name} {value:g}", expected=expected, do="give another", setting=name)
+            raise UsageError(f"{name} {value:g}", expected=self._number(), do="give another", setting=name)
 
     def empty(self, problem: str, name: str) -> UsageError:
         """What is said of a list that holds nothing and may not."""
         return UsageError(
             problem, expected=f"{self.some} such as a,b", do=f"see `dynreg {self.see}`", setting=name
         )
+
+    def _number(self) -> str:
+        if self.above is None:
+            return "a number"
+        if self.below < float("inf"):
+            return f"a number between {self.above:g} and {self.below:g}"
+        return f"a number above {self.above:g}"
 
     def _range(self) -> str:
         return (
@@ -270,7 +279,7 @@ def optional(one: Field) -> bool:
 def taking(kind: type[Settings]) -> Callable[[Wrapped], Wrapped]:
     """Decorator of a method with `**settings`: its signature and its help name those of `kind`, one by one.
 
-    Those that the method names itself stay as they are.
+    Those that the method names itself stay as they are. An argument with another name is a UsageError.
     """
 
     def wrap(method: Wrapped) -> Wrapped:
@@ -293,9 +302,27 @@ def taking(kind: type[Settings]) -> Callable[[Wrapped], Wrapped]:
             for one, how in theirs
         ]
         method.__doc__ = _in_python("\n".join([inspect.cleandoc(method.__doc__ or ""), "", *lines]), kind)
-        return method
+
+        @functools.wraps(method)
+        def run(*given: Any, **told: Any) -> Any:
+            known = [name for name in method.__signature__.parameters if name != "self"]
+            for name in told:
+                if name not in known:
+                    raise _unknown(method.__name__, name, known)
+            return method(*given, **told)
+
+        return run
 
     return wrap
+
+
+def _unknown(method: str, name: str, known: Sequence[str]) -> UsageError:
+    near = difflib.get_close_matches(name, known, n=1)
+    return UsageError(
+        f"{method} has no argument {name!r}",
+        expected=f"one of {', '.join(known)}",
+        do=f"write {near[0]!r}, which is nearest to it" if near else "leave it out",
+    )
 
 
 def _in_python(text: str, kind: type[Settings]) -> str:

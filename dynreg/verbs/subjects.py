@@ -17,6 +17,7 @@ from dynreg.errors import (
     RobotError,
     UsageError,
     command,
+    quoted,
 )
 from dynreg.folder import expanded
 from dynreg.registry import PopulationRecord, RecordingInfo, Registry, ResultRecord, RobotInfo
@@ -200,6 +201,42 @@ def recorded(
     if owner.hash not in (info.robot_hash, *info.robots):
         require_fits(asked, owner)
     return asked
+
+
+def every_recorded(
+    registry: Registry,
+    references: Sequence[str | Path | RecordingSummary],
+    robot: "str | Path | Robot | None",
+    log_map: "str | Path | LogMap | None",
+    *,
+    ingest: bool,
+) -> list[Recorded]:
+    """`recorded` for each of them. UsageError, too, for a map where all are stored already: none is read with it."""
+    if log_map is not None:
+        require_log(registry, references, robot, log_map)
+    return [recorded(registry, one, robot, log_map, ingest=ingest) for one in references]
+
+
+def require_log(
+    registry: Registry,
+    references: Sequence[str | Path | RecordingSummary],
+    robot: "str | Path | Robot | None",
+    log_map: "str | Path | LogMap",
+) -> None:
+    """UsageError for a map beside recordings that are all stored already; NoMatchError for what is no recording."""
+    found = [_registered(registry, one, robot) for one in references]
+    if None in found:
+        return
+    info = registry.recording_info(found[0])
+    name = called(info, references[0], info.robot_hash)
+    path = log_map if isinstance(log_map, str | Path) else "MAP"
+    again = command("ingest", "LOG", "--robot", "ROBOT", "--map", path, "--name", "NAME")
+    raise UsageError(
+        f"log_map {str(path)!r} with recording {name!r}, which is stored already and not read again",
+        expected="a map beside the path of a log",
+        do=f"leave it out, or ingest the log again with this map under another name: `{again}`",
+        setting="log_map",
+    )
 
 
 def _tell_found(recording: "Recording") -> None:
@@ -422,7 +459,7 @@ def _only_population(asked: Recorded) -> PopulationRecord:
     if len(fitting) > 1:
         raise UsageError(
             f"{len(fitting)} populations of robot {robot.name!r}",
-            expected=f"one of {[r.id[:12] for r in fitting]}",
+            expected=f"one of {quoted(r.id[:12] for r in fitting)}",
             do="name one with --population",
         )
     if not fitting:

@@ -25,7 +25,7 @@ _TAKEN = {
     "recording": """recording : a registered one by its id, name, `@last` or summary, or the path of a log of `robot`.
 robot : packaged name, folder, name or hash in the registry, or robot; needed for a log, and any that has the
     recording's channels may be named.
-log_map : a map file, for a log that needs one.
+log_map : a map file, for a log that needs one; refused where every recording is stored already.
 progress : is called with (stage, done, total).""",
     "robot": """robot : packaged name, folder or robot.
 progress : is called with (stage, done, total).""",
@@ -69,10 +69,10 @@ class Verb:
     ) -> Any:
         """What a verb about a recording answers, stored."""
         from dynreg.verbs.several import joined
-        from dynreg.verbs.subjects import recorded
+        from dynreg.verbs.subjects import every_recorded
 
         references = [*recording] if self.several and isinstance(recording, list | tuple) else [recording]
-        each = [recorded(registry, one, robot, log_map, ingest=self.ingest) for one in references]
+        each = every_recorded(registry, references, robot, log_map, ingest=self.ingest)
         asked = joined(each) if len(each) > 1 else each[0]
         found = self.run(asked, settings, progress)
         if not self.keeps:

@@ -438,7 +438,13 @@ ARGUMENTS = [
     Bad("fewer than no simulators", "populate servo_pendulum -n -5", "-5", 2),
     Bad("how many simulators: a word", "populate servo_pendulum -n many", "'many'", 2),
     Bad("how many simulators: nothing", "populate servo_pendulum", "-n", 2),
-    Bad("half a simulator", "populate servo_pendulum -n 2.5", "2.5", 2),
+    Bad("half a simulator", "populate servo_pendulum -n 2.5", "-n '2.5'; expected a whole number", 2),
+    Bad("a power of ten", "populate servo_pendulum -n 1e3", "-n '1e3'; expected a whole number", 2),
+    Bad("a budget that is no number", "query bench --budget=x", "--budget 'x'; expected a whole number", 2),
+    Bad(
+        "a goal that is no number", "calibrate leg --method btr --goal x", "--goal 'x'; expected a number", 2
+    ),
+    Bad("a goal of nan", "calibrate leg --method btr --goal nan", "--goal nan; expected a number", 2),
     Bad("a negative seed", "populate servo_pendulum -n 4 --seed -1", "--seed -1", 2),
     Bad("a negative number of threads", "populate servo_pendulum -n 4 --threads -1", "--threads -1", 2),
     Bad("no neighbours", "query bench -k 0", "-k 0", 2),
@@ -453,6 +459,24 @@ ARGUMENTS = [
     Bad("an unknown hash", "query 00000000 -k 3", "'00000000'", 4),
     Bad("an unknown population", "query bench -k 3 --population crowd", "'crowd'", 4),
     Bad("a log without its robot", "query {tmp}/run.csv -k 3", "run.csv", 2, files=_csv(bench_csv())),
+    *(
+        Bad(
+            f"a map beside what is stored: {line.split()[0]}",
+            f"{line} --map {{tmp}}/map.toml",
+            "--map '{tmp}/map.toml' with recording 'bench', which is stored already",
+            2,
+            files={"map.toml": MAP},
+        )
+        for line in (
+            "query bench",
+            "diagnose bench @last",
+            "calibrate bench",
+            "compare bench",
+            "drift bench",
+            "gait bench",
+            "navigate bench --visit 1,1",
+        )
+    ),
     Bad(
         "a log and a robot that is none",
         "query {tmp}/run.csv --robot robbie",

@@ -70,7 +70,7 @@ def test_an_episode_in_which_nothing_was_measured_says_nothing(bank):
 def test_other_commands_are_refused(bank):
     states, actions = bank
     with pytest.raises(
-        UsageError, match="episode 'run1' of the recording ran commands that the population did not"
+        UsageError, match="episode 'run1', whose commands the population's simulators did not run"
     ):
         told = np.stack([actions[0], actions[1] + 0.1])
         trajectory(states, actions, named(states[0, :2], told), np.ones(2))

@@ -165,3 +165,23 @@ def test_a_stronger_motor_than_the_joint_states_is_stronger(tmp_path):
     column = robot.channels.index("joint_a/position")
     usual, strong = rollout(robot, values, run, engine="mujoco").states[:, 0, :, column]
     assert strong[2] > 1.3 * usual[2]
+
+
+def test_visual_parts_that_are_left_out_take_no_mass_along(tmp_path):
+    """Where the model says that all masses are read off its geoms, they cannot go: that was a bug's traceback."""
+    seen = '<geom type="box" size="0.1 0.1 0.1" pos="0.2 0 0" contype="0" conaffinity="0" mass="0.7"/>'
+    text = strangers.ARM.format(actuators=strangers.POSITION)
+    joint = text.index("<joint")
+    path = tmp_path / "arm.xml"
+    path.write_text(text[:joint] + seen + text[joint:])
+    without, kept = strangers.draft(path, "arm"), strangers.draft(path, "arm", visuals=True)
+    (said,) = (note for note in without.notes if "visual" in note)
+    assert said.endswith("left out. All masses and inertias stay as they were; --visuals keeps it")
+    for what in ("body_mass", "body_inertia"):
+        left, all_of_it = (getattr(one.robot.model, what) for one in (without, kept))
+        np.testing.assert_allclose(np.sort(left, axis=0), np.sort(all_of_it, axis=0), rtol=1e-5)
+    at = text.index(">", text.index("<mujoco")) + 1
+    path.write_text(path.read_text()[:at] + '<compiler inertiafromgeom="true"/>' + path.read_text()[at:])
+    with pytest.raises(DynregError, match="visual parts of 'arm.xml' cannot be left out.*add --visuals"):
+        strangers.draft(path, "arm")
+    strangers.draft(path, "arm", visuals=True)

@@ -10,7 +10,7 @@ from registry_contents import ROBOT, make_population, make_recording, make_shard
 
 from dynreg.data.recording import Recording
 from dynreg.errors import CorruptError, RegistryError
-from dynreg.registry import Registry, verify
+from dynreg.registry import Registry, collect, verify
 from dynreg.registry.writing import Writing
 
 
@@ -139,12 +139,13 @@ def test_added_files_are_put_away(registry):
 
 @pytest.mark.parametrize("name", [".DS_Store", "._notes", "Thumbs.db", "desktop.ini"])
 def test_what_a_file_manager_leaves_is_no_fault_and_stays(registry, name):
-    folders = [".", "shards", "recordings", "ledger"] + [f"robots/{ROBOT}"] * name.startswith(".")
+    folders = [".", "shards", "recordings", "ledger", "index"] + [f"robots/{ROBOT}"] * name.startswith(".")
     for folder in folders:
         (registry.path / folder / name).write_text("theirs")
     report = verify(registry.path)
     assert report.faults == () and report.leftovers == ()
     assert verify(registry.path, repair=True).faults == ()
+    assert name not in {one.path.rpartition("/")[2] for one in collect(registry, caches=True)}
     assert all((registry.path / folder / name).exists() for folder in folders)
     assert registry.load("bench").ids and registry.recordings()
 

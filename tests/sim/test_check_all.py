@@ -456,6 +456,6 @@ def test_one_number_of_a_ball_joint_is_refused(write_robot: Callable[..., Path],
         entry += '[[drives]]\njoint = "ball"\ntype = "torque"\n\n'
     folder = write_robot(("[[settings]]", entry + "[[settings]]"), xml=xml)
     errors = [str(finding) for finding in inspect_robot(folder) if finding.severity == "error"]
-    assert any(f"{table[:-1]} '{name}' is not in the model; expected one of [" in line for line in errors), (
+    assert any(f"{table[:-1]} '{name}' is not in the model; expected one of " in line for line in errors), (
         errors
     )

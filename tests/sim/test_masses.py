@@ -86,9 +86,7 @@ def test_only_sites_that_move_can_carry() -> None:
     model = mujoco.MjModel.from_xml_string(MODEL.format('<site name="t"/>'))
     assert moving_sites(model) == ["t"]
     for name in ("floor", "nowhere"):
-        with pytest.raises(
-            RobotError, match=f"no site {name!r} on a body that moves; expected one of \\['t'\\]"
-        ):
+        with pytest.raises(RobotError, match=f"no site {name!r} on a body that moves; expected one of 't'"):
             weight_at(model, name)
 
 

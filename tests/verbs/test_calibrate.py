@@ -158,7 +158,7 @@ def test_an_interrupted_calibration_goes_on_and_asks_for_the_same_settings(
 
     with pytest.raises(KeyboardInterrupt):
         asked(session, place, "es", seed=5, budget=30, progress=stop)
-    with pytest.raises(UsageError, match="nothing to resume .* expected seed 5; give"):
+    with pytest.raises(UsageError, match="nothing to resume .* expected --seed 5; give"):
         asked(session, place, "es", seed=6, budget=30, resume=True)
     again = asked(session, place, "es", seed=5, budget=30, resume=True)
     whole = asked(session, place, "es", seed=5, budget=30)

@@ -243,8 +243,11 @@ def test_trials_of_one_folder_are_not_taken_for_those_of_another(
     with pytest.raises(KeyboardInterrupt):
         calibrated(opened, brief, tmp_path / "one", say=stops)
     (tmp_path / "one" / "trial_1_score.txt").write_text("0.2")
-    with pytest.raises(UsageError, match="nothing to resume .* expected trial .*one; give"):
+    with pytest.raises(UsageError, match="nothing to resume .* expected --trial .*one; give"):
         calibrated(opened, brief, tmp_path / "two", resume=True, trials=1)
+    with pytest.raises(UsageError, match="expected no --budget, no --goal, --trial .*one; give") as error:
+        calibrated(opened, brief, tmp_path / "two", resume=True, trials=1, budget=10**6, goal=9.0)
+    assert "{" not in str(error.value), "the table of all rules was shown"
     monkeypatch.chdir(tmp_path)
     found = calibrated(opened, brief, "one", resume=True, trials=1)
     assert found.on_robot.scores() == [0.2]

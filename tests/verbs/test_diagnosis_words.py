@@ -1,13 +1,18 @@
 """What a diagnosis is asked for first, and what its notes say of parameters at an edge."""
 
+import warnings
+from pathlib import Path
+
 import pytest
 
 from dynreg.diagnose.identifiability import Unidentified
+from dynreg.errors import Assumed
 from dynreg.evidence import model
 from dynreg.results.diagnosis import Pulled
 from dynreg.sim.robot import load_robot
-from dynreg.verbs.diagnose import MANY, DiagnoseSettings, faster, first_command
+from dynreg.verbs.diagnose import MANY, DiagnoseSettings, _tell_longer, faster, first_command
 from dynreg.verbs.diagnosis_words import at_the_edge, identifiability_words, threshold_note, zeros_moved
+from dynreg.verbs.robots import robot_copy
 
 
 @pytest.mark.parametrize(
@@ -22,6 +27,25 @@ from dynreg.verbs.diagnosis_words import at_the_edge, identifiability_words, thr
 )
 def test_the_first_diagnosis_of_many_joints_or_a_free_base_is_the_quick_one(robot: str, asked: str) -> None:
     assert first_command("sway", load_robot(robot)) == asked
+
+
+def test_no_rollout_of_a_first_look_is_longer_than_the_robot_states(tmp_path: Path) -> None:
+    """Drafts of drives that are told torques state 0.5 s: --horizon 2 made rollouts four times as long."""
+    robot_copy("so101", tmp_path / "arm")
+    file = tmp_path / "arm" / "robot.toml"
+    file.write_text(file.read_text().replace("horizon = 5.0", "horizon = 0.5"))
+    asked = "dynreg diagnose sway --windows 4 --max-causes 1 --threshold-runs 0"
+    assert first_command("sway", load_robot(tmp_path / "arm")) == asked
+
+
+def test_longer_rollouts_than_the_robot_states_are_told() -> None:
+    robot = load_robot("double_pendulum")
+    with pytest.warns(Assumed, match="up to 4 times as long as .* 'double_pendulum' .0.5 s."):
+        _tell_longer(robot, 2.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for asked in (None, 0.3):
+            _tell_longer(robot, asked)
 
 
 def test_the_first_diagnosis_of_a_free_base_with_many_parameters_asks_for_no_effect_of_a_joint() -> None:

@@ -1,14 +1,17 @@
-"""What `ingest` says of a recording."""
+"""What `ingest` says of a recording, and what reads a log."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tiny_registry import bench_csv
 
 import dynreg
 from dynreg.errors import MapError, UsageError
 from dynreg.report.stored import channel_words
 from dynreg.verbs.robots import robot_check, robot_copy
+from dynreg.verbs.subjects import every_recorded
 
 
 def test_many_channels_are_told_as_groups_and_a_few_by_name():
@@ -68,3 +71,21 @@ def test_what_a_map_of_the_robot_lacks_is_what_is_wrong(tmp_path: Path):
         log.write_text(log.read_text().replace("shoulder.pos", "unlike"))
         with pytest.raises(MapError, match="the log has no column 'shoulder/position'"):
             session.ingest(log, folder)
+
+
+def test_a_map_counts_where_one_of_several_recordings_is_a_log(registry_folder: Path, tmp_path: Path):
+    """Beside stored recordings alone it would be ignored; a list of arguments may still hold both."""
+    (tmp_path / "run.csv").write_text(bench_csv())
+    (tmp_path / "map.toml").write_text(
+        '[episodes]\nby = "gaps"\n'
+        + "".join(f'[channels."arm/{c}"]\nsource = "arm/{c}"\n' for c in ("position", "velocity", "target"))
+    )
+    robot, given = "servo_pendulum", tmp_path / "map.toml"
+    shutil.copytree(registry_folder, tmp_path / "registry")
+    with dynreg.open(tmp_path / "registry") as session:
+        found = every_recorded(session.registry, ["bench", tmp_path / "run.csv"], robot, given, ingest=False)
+        assert found[0].name == "bench" and len(found) == 2
+        with pytest.raises(UsageError, match="log_map '.*map.toml' with recording 'bench', which is stored"):
+            session.drift("bench", "@last", log_map=given)
+        with pytest.raises(UsageError, match="which is stored already"):
+            session.gait_rounds("bench", lambda *told: None, log_map=given)

@@ -112,7 +112,7 @@ def test_a_folder_of_another_question_is_refused(opened: Session, brief: Robot, 
     for told, says in (
         ({"task": "turn"}, "task 'forward'"),
         ({"seed": 4}, "seed 3"),
-        ({"goal": 9.0}, "goal None"),
+        ({"goal": 9.0}, "no goal"),
         ({"search": "cma"}, "search 'roulette'"),
     ):
         for resume in (False, True):

@@ -71,3 +71,11 @@ def test_the_answer_is_stored_under_its_kind_about_the_recording(registry_folder
 def test_a_setting_that_cannot_be_is_refused_before_anything_is_read():
     with pytest.raises(UsageError, match="rows 0"):
         Door().count("nowhere", rows=0)
+
+
+def test_an_argument_that_there_is_not_is_answered_with_the_nearest() -> None:
+    """Python's own error named the class of the settings."""
+    with pytest.raises(UsageError, match="count has no argument 'row'; expected .*; write 'rows', which is"):
+        Door().count("monday", row=3)
+    with pytest.raises(UsageError, match="count has no argument 'xyzzy'; expected .*seed.*; leave it out"):
+        Door().counted("leg", xyzzy=3)

@@ -11,7 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dynreg.errors import UsageError
+from dynreg.errors import UsageError, quoted
 
 if TYPE_CHECKING:
     from dynreg.datasets.export import Export
@@ -232,6 +232,6 @@ def format_of(word: str) -> Format:
     """The row of a form; UsageError where there is none."""
     if word not in FORMATS:
         raise UsageError(
-            f"form {word!r} of a dataset", expected=f"one of {list(FORMATS)}", do="choose one of them"
+            f"form {word!r} of a dataset", expected=f"one of {quoted(FORMATS)}", do="choose one of them"
         )
     return FORMATS[word]

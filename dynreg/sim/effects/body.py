@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import mujoco
 import numpy as np
 
+from dynreg.errors import quoted
 from dynreg.sim.effects.effect import DEGREE, Effect, EffectParameter, Site, Values
 from dynreg.sim.masses import grow, weight_at
 from dynreg.sim.robot import Robot
@@ -32,7 +33,7 @@ class _OnBody(_OfMasses):
         names = moving_bodies(robot)
         if len(at) > 1:
             return f"{len(at)} places", "one body"
-        return (f"no body {at[0]!r} moves", f"one of {names}") if at and at[0] not in names else None
+        return (f"no body {at[0]!r} moves", f"one of {quoted(names)}") if at and at[0] not in names else None
 
 
 class Payload(_OnBody):
@@ -50,7 +51,7 @@ class Payload(_OnBody):
         if len(at) == 1 and at[0] in robot.tools:
             return None
         wrong = super().misplaced(robot, at)
-        return wrong and (wrong[0], f"{wrong[1]}, or of the tools {list(robot.tools)}")
+        return wrong and (wrong[0], f"{wrong[1]}, or of the tools {quoted(robot.tools)}")
 
     def told(self, robot: Robot, at: tuple[str, ...], values: Mapping[str, float]) -> Mapping[str, float]:
         # simulators of dynreg before 0.2 have it as a share of the carrying body's mass

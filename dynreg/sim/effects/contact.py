@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 
+from dynreg.errors import quoted
 from dynreg.sim.beside import own_geoms
 from dynreg.sim.effects.body import at_reset
 from dynreg.sim.effects.effect import Effect, EffectParameter, Site, Values
@@ -63,7 +64,7 @@ class SecondFrictionMaterial(_OnGround):
 
     def misplaced(self, robot: Robot, at: tuple[str, ...]) -> tuple[str, str] | None:
         places = self.places(robot)
-        expected = f"one of the materials {[place[0] for place in places if place]}"
+        expected = f"one of the materials {quoted(place[0] for place in places if place)}"
         wrong = f"no material {','.join(at)!r} beside another touches anything" if at else "no left side"
         return None if at in places else (wrong, expected)
 

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from dynreg.errors import quoted
 from dynreg.sim.effects.on_slides import ON_SLIDES, slides_of, unit_at
 from dynreg.sim.ports import Ports, slice_of
 from dynreg.sim.robot import Robot
@@ -207,7 +208,9 @@ class Effect:
         """What is wrong with a place, and what is expected; None where the effect can act there."""
         unknown = sorted({*at} - {*robot.joints})
         return (
-            (f"no action drives {unknown[0]!r}", f"joints out of {sorted(robot.driven)}") if unknown else None
+            (f"no action drives {unknown[0]!r}", f"joints out of {quoted(sorted(robot.driven))}")
+            if unknown
+            else None
         )
 
     def title_at(self, at: tuple[str, ...]) -> str:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from dynreg.data.names import quantity_of
+from dynreg.errors import quoted
 from dynreg.sim.effects.effect import DEGREE, Effect, EffectParameter, Moment, OfAnyDrive, Site, Values
 from dynreg.sim.effects.on_slides import slides_of
 from dynreg.sim.robot import Robot
@@ -74,7 +75,9 @@ class EncoderEccentricity(Effect):
     def misplaced(self, robot: Robot, at: tuple[str, ...]) -> tuple[str, str] | None:
         slides = [joint for joint in slides_of(robot) if not at or joint in at]
         hinges = sorted({*robot.driven} - {*slides_of(robot)})
-        told = (f"a disc turns, and {slides[0]!r} slides", f"joints out of {hinges}") if slides else None
+        told = (
+            (f"a disc turns, and {slides[0]!r} slides", f"joints out of {quoted(hinges)}") if slides else None
+        )
         return told or super().misplaced(robot, at)
 
     def encoder(self, x: Moment, p: Values) -> tuple[np.ndarray, np.ndarray]:

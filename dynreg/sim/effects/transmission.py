@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from dynreg.errors import quoted
 from dynreg.sim.effects.body import driven_dofs, neighbours
 from dynreg.sim.effects.effect import DEGREE, Effect, EffectParameter, Moment, Site, Values, drives
 from dynreg.sim.ports import nominal_ports, takes_positions
@@ -149,7 +150,7 @@ class CableCoupling(Effect):
 
     def misplaced(self, robot: Robot, at: tuple[str, ...]) -> tuple[str, str] | None:
         pairs = neighbours(robot)
-        expected = f"two neighbours, one of {[','.join(pair) for pair in pairs]}"
+        expected = f"two neighbours, one of {quoted(','.join(pair) for pair in pairs)}"
         return None if at in pairs else (f"{','.join(at) or 'all joints'!r}", expected)
 
     def drive(self, torque: np.ndarray, x: Moment, p: Values) -> np.ndarray:

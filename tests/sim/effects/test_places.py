@@ -154,7 +154,7 @@ def test_a_centre_of_mass_moves_in_the_body_that_is_named(chain: Robot) -> None:
     [
         (
             "payload[nowhere]",
-            "no body 'nowhere' moves; expected one of .*'four'.*, or of the tools \\['flange'\\]",
+            "no body 'nowhere' moves; expected one of .*'four'.*, or of the tools 'flange'",
         ),
         ("payload[three,four]", "2 places; expected one body"),
         ("com_offset[flange]", "no body 'flange' moves"),
@@ -167,9 +167,7 @@ def test_a_place_that_cannot_be_is_refused(chain: Robot, key: str, says: str) ->
 
 def test_a_tool_that_the_model_does_not_have_is_refused(tmp_path: Path) -> None:
     robot = made(tmp_path, model_text(), '["gripper"]')
-    with pytest.raises(
-        RobotError, match=r"no site 'gripper' on a body that moves; expected one of \['flange'\]"
-    ):
+    with pytest.raises(RobotError, match=r"no site 'gripper' on a body that moves; expected one of 'flange'"):
         placed(robot, E["payload"])
 
 
