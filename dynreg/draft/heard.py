@@ -9,9 +9,9 @@ import numpy as np
 
 from dynreg.data.checks import check_clocks, errors
 from dynreg.data.checks.clock import likely_unit, slow_clock, usual_step, whole_step
+from dynreg.data.clock_names import stated_unit
 from dynreg.data.drafting import Draft
 from dynreg.data.episodes import raw_episodes
-from dynreg.data.readers.columns import stated_unit
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.series import RawLog, Series
 from dynreg.draft.tables import Sensed

@@ -39,6 +39,8 @@ def test_a_step_that_two_units_explain_names_both(write_table: Callable):
         ("time_ms", None, 1e3),
         ("robot_clock_us", None, 1e6),
         ("Time [ns]", None, 1e9),
+        ("Time [µs]", None, 1e6),
+        ("Robot clock (msec)", None, 1e3),
         ("ticks", None, 1.0),
         ("time_ms", "s", 1.0),
         ("ticks", "ms", 1e3),

@@ -1,7 +1,6 @@
 """Named columns (CSV, Parquet, MATLAB, JSON) become series on the table's own clock."""
 
 import math
-import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from dynreg.data.clock_names import (
+    CLOCK_WORDS,
+    LONGER,
+    UNITS_OF_TIME,
+    is_clock,
+    likelihood,
+    longer_unit,
+    unit_at_end,
+)
 from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.numbers import doubles, seconds
 from dynreg.data.readers.signals import MAX_ITEMS
@@ -16,37 +24,6 @@ from dynreg.data.series import Finding, RawLog, Series
 from dynreg.data.words import words
 from dynreg.errors import LogError, one_of
 from dynreg.limits import limits, refuse
-
-# Of clocks, in small letters, the likeliest first. __time is PlotJuggler's, _time that of InfluxDB.
-TIME_NAMES = (
-    *("time", "timestamp", "t", "t_s", "time_s", "stamp", "timestamps", "times", "__time", "_time"),
-    *("header.stamp", "header/stamp", "header_stamp"),
-)
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-# Names that tell the unit, where the map tells none. The first is that of `rostopic echo -p`.
-UNIT_NAMES = {"%time": "ns"} | {
-    f"{name}_{unit}": unit for unit in ("s", "ms", "us", "ns") for name in ("time", "t", "timestamp", "stamp")
-}
-_USUAL = (*TIME_NAMES, *UNIT_NAMES)
-_CLOCKS = frozenset(
-    ("time", "times", "timestamp", "timestamps", "stamp", "stamps", "t")
-)  # words of other clocks
-_BRACKETED = re.compile(r"(?i:time|t|timestamp|stamp)\s*[\[(](s|ms|us|ns)[\])]")
-
-
-def stated_unit(name: str) -> str | None:
-    """The unit that the name of a clock states; None where it states none, or is no clock's.
-
-    >>> stated_unit("time_ms"), stated_unit("Time [s]"), stated_unit("time"), stated_unit("torque [ms]")
-    ('ms', 's', None, None)
-    """
-    found = _BRACKETED.fullmatch(name)
-    return found[1] if found else UNIT_NAMES.get(name.lower())
-
-
-def is_clock(name: str) -> bool:
-    """Whether a column's name is a usual one of a clock, in small letters or large ones."""
-    return name.lower() in _USUAL or stated_unit(name) is not None
 
 
 def from_columns(
@@ -68,10 +45,12 @@ def from_columns(
     """
     name = time_column(path, columns, options, names)
     stamps = columns[name]
+    if options.time_unit is None and stamps.dtype.kind not in "mM":
+        _require_unit(path, name)
     if len(stamps) * len(columns) > limits().numbers:
         refuse(LogError, f"{path.name!r} asks for {len(stamps)} rows of columns", len(columns), "numbers")
     unit = _unit(name, options)
-    scale = TIME_UNITS[unit]
+    scale = UNITS_OF_TIME[unit]
     time, start = seconds(stamps, scale) if len(stamps) else (np.empty(0), math.nan)
     if math.isnan(start):
         raise LogError(
@@ -96,7 +75,7 @@ def from_columns(
 
 def time_column(path: Path, columns: Collection[str], options: ReadOptions, names: Sequence[str] = ()) -> str:
     """Name of the column that is the clock: the map's, else the likeliest of the usual names."""
-    usual = sorted(filter(is_clock, dict.fromkeys((*columns, *names))), key=_place)
+    usual = sorted(filter(is_clock, dict.fromkeys((*columns, *names))), key=likelihood)
     wanted = [options.time] if options.time else usual
     for name in wanted:
         if name in columns:
@@ -122,13 +101,18 @@ def time_column(path: Path, columns: Collection[str], options: ReadOptions, name
 
 def _unit(name: str, options: ReadOptions) -> str:
     """The unit of the clock of this name: the map's, else the one that its name states, else seconds."""
-    return options.time_unit or stated_unit(name) or _told_unit(name, "s")
+    return options.time_unit or unit_at_end(name) or "s"
 
 
-def _place(name: str) -> int:
-    """Where the name of a clock stands among the usual ones; a T comes last, for it may be a temperature."""
-    plain = name.lower()
-    return _USUAL.index(plain) if plain in _USUAL and name != "T" else len(_USUAL) + (name == "T")
+def _require_unit(path: Path, name: str) -> None:
+    """LogError where the name of a clock states a unit that is not read."""
+    longer = longer_unit(name)
+    if longer is not None:
+        raise LogError(
+            f"{path.name!r}: the time column {name!r} counts in {longer}, which is not read",
+            expected=f"one of {', '.join(UNITS_OF_TIME)}",
+            do=f"multiply it by {LONGER[longer]} and call it time_s",
+        )
 
 
 def spread(
@@ -173,7 +157,7 @@ def from_tables(
     log = from_columns(path, tables[clock], options, **told)
     logs = [log]
     for other, columns in others:
-        unit = _told_unit(other, _unit(clock, options))
+        unit = unit_at_end(other) or _unit(clock, options)
         logs.append(from_columns(path, columns, replace(options, time=other, time_unit=unit)))
     start = min(one.start for one in logs)
     sources = {
@@ -192,8 +176,8 @@ def _other_clocks(
     begin, end = _ends(own, unit)
     out = {}
     for name, array in arrays.items():
-        if array.ndim == 1 and 1 < len(array) != len(own) and not _CLOCKS.isdisjoint(words(name)):
-            first, last = _ends(array, _told_unit(name, unit))
+        if array.ndim == 1 and 1 < len(array) != len(own) and not CLOCK_WORDS.isdisjoint(words(name)):
+            first, last = _ends(array, unit_at_end(name) or unit)
             if np.all(np.diff(doubles(array)) >= 0) and first < last and first <= end and begin <= last:
                 out[name] = array
     return out
@@ -201,15 +185,9 @@ def _other_clocks(
 
 def _ends(stamps: np.ndarray, unit: str) -> tuple[float, float]:
     """The least and the largest of stamps [s]; NaN where there is none."""
-    times = doubles(stamps) * (1.0 if stamps.dtype.kind in "mM" else TIME_UNITS[unit])
+    times = doubles(stamps) * (1.0 if stamps.dtype.kind in "mM" else UNITS_OF_TIME[unit])
     times = times[np.isfinite(times)]
     return (float(times.min()), float(times.max())) if len(times) else (math.nan, math.nan)
-
-
-def _told_unit(name: str, usual: str) -> str:
-    """The unit at the end of a clock's name, as of cmd_time_ms; else the usual one."""
-    *_, last = "", *words(name)
-    return last if last in TIME_UNITS else usual
 
 
 def _shared(one: str, other: str) -> int:
@@ -232,7 +210,7 @@ def _left_out(name: str, key: str, array: np.ndarray, clock: str, rows: int) -> 
     """What is said of an array that has no clock; one that is short, as gains are, or a clock itself, is only told."""
     shape = f"{len(array)} values" if array.ndim == 1 else f"shape {array.shape}"
     where, told = f"{name}, {key}", f"{shape} for {rows} time stamps"
-    clocked = rows in array.shape[:2] or not _CLOCKS.isdisjoint(words(key))
+    clocked = rows in array.shape[:2] or not CLOCK_WORDS.isdisjoint(words(key))
     if clocked or max(array.shape) <= MAX_ITEMS:
         return Finding("info", "left_out", where, told)
     do = f"resample it onto {clock!r}, or store its clock beside it, such as {key}_time, that overlaps with {clock!r}"
