@@ -9,7 +9,9 @@ TIME_NAMES = (
     *("header.stamp", "header/stamp", "header_stamp", "datetime", "elapsed", "elapsed_time", "time_elapsed"),
 )
 NANOSECONDS = "%time"  # of `rostopic echo -p`
-CLOCK_WORDS = frozenset(("time", "times", "timestamp", "timestamps", "stamp", "stamps", "t"))  # of other clocks
+CLOCK_WORDS = frozenset(
+    ("time", "times", "timestamp", "timestamps", "stamp", "stamps", "t")
+)  # of other clocks
 LONGER = {  # units that are not read, as headers write them: [s]
     **dict.fromkeys(("min", "mins", "minute", "minutes"), 60),
     **dict.fromkeys(("h", "hr", "hrs", "hour", "hours"), 3600),

@@ -1,6 +1,8 @@
 """`dynreg robots init` and what follows it: where the folder goes, and which command comes next."""
 
 import math
+import re
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -171,6 +173,74 @@ def test_of_two_clocks_without_a_unit_the_quicker_one_is_told(dynreg, here: Path
     np.savez(here / "run.npz", **arrays)
     made = dynreg(*"robots init arm.xml --log run.npz".split())
     assert made.status == 1 and "go up by 1" in " ".join(made.err.split()), made
+
+
+@pytest.fixture
+def arm(dynreg, here: Path) -> Path:
+    """The folder of a robot that was drafted with a log at 100 Hz, whose clock is `time`."""
+    (here / "arm.xml").write_text(ARM)
+    (here / "run.csv").write_text(_moving([f"{k / 100}" for k in range(600)], "time"))
+    assert dynreg(*"robots init arm.xml --log run.csv".split()).status == 0
+    return here / "arm"
+
+
+@pytest.mark.parametrize("verb", ["doctor", "ingest"])
+@pytest.mark.parametrize("clock", ["stamp_of_bench", "t_s"])
+def test_a_clock_that_the_map_names_and_the_log_lacks_is_told_as_such(
+    clock: str, verb: str, dynreg, arm: Path, here: Path
+) -> None:
+    """Not as a channel that the log lacks, which is what its map is for."""
+    own = arm / "maps" / "log.toml"
+    own.write_text(own.read_text().replace('time = "time"', f'time = "{clock}"'))
+    ended = dynreg(verb, "run.csv", "--robot", "arm")
+    said = " ".join(ended.err.split())
+    assert ended.status == 1 and f"no column '{clock}', which the map names as the clock" in said, ended
+    assert "one of 'time', 'pos_turn', 'cmd_turn'; correct `time` under [map]" in said
+    assert "arm/maps/log.toml" in " ".join(f"{ended.out} {said}".split()).replace(" ", "").replace("\\", "/")
+    own.write_text(own.read_text().replace(f'time = "{clock}"\ntime_unit = "s"\n', ""))
+    assert dynreg(verb, "run.csv", "--robot", "arm").status == 0
+
+
+def test_doctor_reads_a_log_by_the_map_of_its_robot_as_ingest_does(dynreg, arm: Path, here: Path) -> None:
+    """What a check finds then is told, not that the log has none of the robot's columns."""
+    (here / "back.csv").write_text(_moving([f"{k % 300 / 100}" for k in range(600)], "time"))
+    for verb in ("doctor", "ingest"):
+        ended = dynreg(verb, "back.csv", "--robot", "arm")
+        assert ended.status == 1 and "the clock runs back by 2.99 s" in ended.err, ended
+
+
+DATES = [
+    *("11/29/2026 09:01:02.500", "29.11.2026 09:01", "09:01:02.5", "09:01:02", "2026-11-29 09:01:02,5"),
+]
+
+
+@pytest.mark.parametrize("first", DATES)
+@pytest.mark.parametrize("verb", ["doctor", "robots init arm.xml --to two --log"])
+def test_dates_that_are_not_read_are_told_with_a_form_that_is(
+    verb: str, first: str, dynreg, here: Path
+) -> None:
+    (here / "arm.xml").write_text(ARM)
+    (here / "odd.csv").write_text(_moving([f'"{first}"'] * 600, "time"))
+    ended = dynreg(*verb.split(), "odd.csv")
+    said = " ".join(ended.err.split())
+    assert ended.status == 1 and "the time column 'time' does not hold numbers" in said, ended
+    form = re.search(r"dates such as (\S+); write the column so, with the fractions of a second", said)[1]
+    start = datetime.fromisoformat(form)
+    dates = [(start + timedelta(seconds=k / 100)).isoformat(timespec="milliseconds") for k in range(600)]
+    (here / "odd.csv").write_text(_moving(dates, "time"))
+    assert dynreg(*verb.split(), "odd.csv").status == 0
+
+
+def test_a_log_without_a_clock_is_told_how_to_get_one(dynreg, here: Path) -> None:
+    (here / "arm.xml").write_text(ARM)
+    (here / "odd.csv").write_text(_moving([f"{k}" for k in range(600)], "sample"))
+    init = "robots init arm.xml --log odd.csv".split()
+    ended = dynreg(*init)
+    said = " ".join(ended.err.split())
+    assert ended.status == 1 and "no column that looks like time among 3: 'sample'" in said, ended
+    assert "add a column time: the number of the row times the seconds between two rows" in said
+    (here / "odd.csv").write_text(_moving([f"{k * 0.01}" for k in range(600)], "time"))
+    assert dynreg(*init).status == 0
 
 
 def test_a_later_log_in_degrees_is_told_by_the_stops_of_the_model(dynreg, here: Path) -> None:

@@ -1,6 +1,7 @@
 """Named columns (CSV, Parquet, MATLAB, JSON) become series on the table's own clock."""
 
 import math
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,13 +18,16 @@ from dynreg.data.clock_names import (
     longer_unit,
     unit_at_end,
 )
+from dynreg.data.maps import odd_text
 from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.numbers import doubles, seconds
 from dynreg.data.readers.signals import MAX_ITEMS
 from dynreg.data.series import Finding, RawLog, Series
 from dynreg.data.words import words
-from dynreg.errors import LogError, one_of
+from dynreg.errors import LISTED, LogError, MapError, one_of
 from dynreg.limits import limits, refuse
+
+_DATED = re.compile(r"\d[/.:-]\d+[/.:-]\d|\d:\d")  # of dates and times of day in text
 
 
 def from_columns(
@@ -41,9 +45,10 @@ def from_columns(
 
     `names` are the columns that the table holds, where only some were read.
     A column is an array of numbers, dates or spans; one with empty cells is masked (numpy.ma), or NaN or NaT there.
-    Raises LogError where there is no time column, it holds no number, or all are more than may be kept.
+    Raises LogError and MapError as `time_column` does, LogError where its unit is not read or all are more than may be
+    kept.
     """
-    name = time_column(path, columns, options, names)
+    name = time_column(path, columns, options, names, labels)
     stamps = columns[name]
     if options.time_unit is None and stamps.dtype.kind not in "mM":
         _require_unit(path, name)
@@ -73,8 +78,18 @@ def from_columns(
     )
 
 
-def time_column(path: Path, columns: Collection[str], options: ReadOptions, names: Sequence[str] = ()) -> str:
-    """Name of the column that is the clock: the map's, else the likeliest of the usual names."""
+def time_column(
+    path: Path,
+    columns: Collection[str],
+    options: ReadOptions,
+    names: Sequence[str] = (),
+    labels: Mapping[str, np.ndarray] | None = None,
+) -> str:
+    """Name of the column that is the clock: the map's, else the likeliest of the usual names.
+
+    names : of all columns, where `columns` are those that hold numbers. labels : columns of text. Raises MapError where
+    the log lacks the map's clock, LogError where it has none or that holds no numbers.
+    """
     usual = sorted(filter(is_clock, dict.fromkeys((*columns, *names))), key=likelihood)
     wanted = [options.time] if options.time else usual
     for name in wanted:
@@ -82,20 +97,34 @@ def time_column(path: Path, columns: Collection[str], options: ReadOptions, name
             return name
     held = next((name for name in wanted if name in names), None)
     if held is not None:
-        raise LogError(
-            f"{path.name!r}: the time column {held!r} does not hold numbers",
-            expected="numbers with a decimal point in every row below one header line",
-            do="export the log so: without a line of units, comments, decimal commas or a second header",
-        )
+        raise _no_numbers(path, held, (labels or {}).get(held))
+    every = [*(names or columns)]
     if options.time:
-        told = f"{path.name!r} has no time column {options.time!r}"
-    else:
-        told = f"{path.name!r} has no column that looks like time"
+        without = f", or leave it and `time_unit` out: {usual[0]!r} is then the clock" if usual else ""
+        raise MapError(
+            f"{path.name!r} has no column {options.time!r}, which the map names as the clock",
+            expected=f"a column of the log, {one_of(every, options.time)}",
+            do=f"correct `time` under [map]{without}",
+        )
     raise LogError(
-        told,
-        expected=f"a column of the file, {one_of([*(names or columns)], options.time or '')}",
-        do="rename it to time, or by its unit to time_ms, time_us or time_ns; where a map is asked for, "
-        'time = "..." under [map] names it too',
+        f"{path.name!r} has no column that looks like time among {len(every)}: {', '.join(map(repr, every[:LISTED]))}",
+        expected="one called time (in seconds), or time_ms, time_us or time_ns",
+        do='rename the clock so, or name it in a map: time = "..." under [map]. If the log has none and its rows come '
+        "evenly, add a column time: the number of the row times the seconds between two rows",
+    )
+
+
+def _no_numbers(path: Path, name: str, texts: np.ndarray | None) -> LogError:
+    """What is said of a clock that holds no numbers; `texts` are its cells, where these are text."""
+    first = "" if texts is None else f": {odd_text(texts)}"
+    dated = texts is None or _DATED.search(first)
+    return LogError(
+        f"{path.name!r}: the time column {name!r} does not hold numbers{first}",
+        expected="seconds in every row below one header line, with a decimal point, or dates such as "
+        "2026-11-29T09:01:02.500",
+        do="write the column so, with the fractions of a second by which the rows differ"
+        if dated
+        else "export the log so: without a line of units, comments, decimal commas or a second header",
     )
 
 
