@@ -196,7 +196,7 @@ def examine(path: str | Path, log_map: LogMap | None = None) -> tuple[RawLog | N
     findings = [*log.findings, *shared(log, signals)]
     for part in episodes_of(log):
         told = {name: part.sources[name] for name in clocked(signals)}
-        findings += check_clocks(told, part.path.name, _gap(log_map))
+        findings += check_clocks(told, part.path.name, _gap(log_map), counting=log.counting)
     for name in (signal.source for signal in signals):
         series = log.sources[name]
         findings += check_numbers(series, f"{path.name}, {name}")

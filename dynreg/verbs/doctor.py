@@ -1,6 +1,6 @@
 """Checks of logs before they are ingested, their contents, and a map drafted from them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -34,7 +34,7 @@ def findings(
         )
     told, held, drafted = _looked(logs, loaded, draft) if spec is None or draft else ((), (), None)
     if drafted is not None:
-        found = told if spec is None else doctor(logs, spec, drafted.log_map)
+        found = told if spec is None else (*doctor(logs, spec, drafted.log_map), *_taken(drafted))
     elif spec is None:
         found = told if log_map is None else doctor(logs, None, read_map(log_map))
     else:
@@ -51,6 +51,14 @@ def findings(
         contents=held,
         drafted=None if drafted is None else _written(drafted, draft),
     )
+
+
+def _taken(drafted: Draft) -> Iterator[Finding]:
+    """What is said where a drafted map says another unit of the clock than the log does."""
+    counting = drafted.log.counting
+    if counting is not None and counting.told == "steps":
+        text = f'the drafted map says time_unit = "{counting.unit}", by the steps of {counting.column!r}: check it'
+        yield Finding("info", "clock", drafted.log.path.name, text)
 
 
 def _by_own_map(logs: Sequence[Path], robot: Robot, found: tuple[Finding, ...]) -> tuple[Finding, ...]:

@@ -19,6 +19,15 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.fixture
+def arm(dynreg, here: Path) -> Path:
+    """The folder of a robot that was drafted with a log at 100 Hz, whose clock is `time`."""
+    (here / "arm.xml").write_text(ARM)
+    (here / "run.csv").write_text(_moving([f"{k / 100}" for k in range(600)], "time"))
+    assert dynreg(*"robots init arm.xml --log run.csv".split()).status == 0
+    return here / "arm"
+
+
 def test_one_command_leads_to_the_next(dynreg, here: Path) -> None:
     (here / "arm.xml").write_text(ARM)
     rows = [f"{n / 100},{n % 7 / 100},{n % 5 / 100}" for n in range(300)]
@@ -107,6 +116,7 @@ def _moving(times: list[str], clock: str, size: float = 1.0) -> str:
         ),
         ([f"{100_000_000 + k}" for k in range(600)], "go up by 1: seconds (1 Hz) or milliseconds (1000 Hz)"),
         ([f"{k // 3 + k % 3}" for k in range(600)], "the clock runs back"),
+        ([f"{k * 1e-5:.5f}" for k in range(600)], "no robot is logged so"),
         ([f"{k % 300 / 100}" for k in range(600)], "the clock runs back by 2.99 s"),
         ([f"{k // 300}" for k in range(600)], "the clock stands still"),
     ],
@@ -133,6 +143,41 @@ def test_the_name_that_the_error_proposes_makes_the_clock_known(
     (here / "run.csv").write_text(_moving([f"{step * k}" for k in range(600)], clock))
     made = dynreg(*"robots init arm.xml --log run.csv".split())
     assert made.status == 0 and f"at {rate} Hz" in made.out, made
+
+
+def test_seconds_that_are_called_milliseconds_are_told_and_how_to_call_them(dynreg, here: Path) -> None:
+    (here / "arm.xml").write_text(ARM)
+    times = [f"{0.002 * k:.3f}" for k in range(600)]
+    (here / "run.csv").write_text(_moving(times, "time_ms"))
+    init = "robots init arm.xml --log run.csv".split()
+    made = dynreg(*init)
+    said = " ".join(made.err.split())
+    assert (
+        made.status == 1
+        and "the name 'time_ms' says milliseconds, but then the median step is 2e-06 s" in said
+    )
+    assert "call the column time_s, or write it in the unit that its name says" in said
+    (here / "run.csv").write_text(_moving(times, "time_s"))
+    made = dynreg(*init)
+    assert made.status == 0 and "at 500 Hz" in made.out, made
+
+
+def test_a_map_drafted_from_nanoseconds_reads_them(dynreg, arm: Path, here: Path) -> None:
+    (here / "ns.csv").write_text(_moving([f"{10**7 * (k + 17 * 10**10)}" for k in range(600)], "time"))
+    told = dynreg(*"doctor ns.csv --robot arm --draft-map ns.toml".split())
+    assert told.status == 0 and 'time_unit = "ns", by the steps of' in " ".join(told.out.split()), told
+    stored = dynreg(*"ingest ns.csv --robot arm --map ns.toml".split())
+    assert stored.status == 0 and "600 rows, 6.0 s, 100 Hz" in " ".join(stored.out.split()), stored
+
+
+def test_a_drafted_map_with_which_a_log_cannot_be_ingested_ends_in_an_error(
+    dynreg, arm: Path, here: Path
+) -> None:
+    (here / "back.csv").write_text(_moving([f"{k % 300 / 100}" for k in range(600)], "time"))
+    for file in ("back.toml", "-"):
+        told = dynreg("doctor", "back.csv", "--robot", "arm", "--draft-map", file)
+        assert told.status == 1 and "the clock runs back" in told.err and "next:" not in told.out, told
+    assert "time_unit" in (here / "back.toml").read_text()
 
 
 @pytest.mark.parametrize(
@@ -173,15 +218,6 @@ def test_of_two_clocks_without_a_unit_the_quicker_one_is_told(dynreg, here: Path
     np.savez(here / "run.npz", **arrays)
     made = dynreg(*"robots init arm.xml --log run.npz".split())
     assert made.status == 1 and "go up by 1" in " ".join(made.err.split()), made
-
-
-@pytest.fixture
-def arm(dynreg, here: Path) -> Path:
-    """The folder of a robot that was drafted with a log at 100 Hz, whose clock is `time`."""
-    (here / "arm.xml").write_text(ARM)
-    (here / "run.csv").write_text(_moving([f"{k / 100}" for k in range(600)], "time"))
-    assert dynreg(*"robots init arm.xml --log run.csv".split()).status == 0
-    return here / "arm"
 
 
 @pytest.mark.parametrize("verb", ["doctor", "ingest"])

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from dynreg.data.checks.clock import FASTEST
 from dynreg.data.episodes import RawEpisode
 from dynreg.data.schema import RecordingSpec
 from dynreg.data.series import Finding, Series
@@ -24,9 +25,12 @@ def check_commands(episode: RawEpisode, spec: RecordingSpec, where: str) -> Iter
     if not name or HALF * rates[name] <= spec.rate:
         return
     rate = float(f"{rates[name]:.3g}")
+    do = f"set control_rate = {rate:g} in robot.toml, with a timestep of at most {1 / rate:.3g} s"
+    if rate > FASTEST:
+        do = "set time_unit under [map], for no robot is told so many"
     text = (
         f"commands come at {rate:g} Hz, control_rate is {spec.rate:g} Hz: {100 * (1 - spec.rate / rate):.0f} % of them "
-        f"are dropped; set control_rate = {rate:g} in robot.toml, unless so many are meant to be left out"
+        f"are dropped; {do}, unless so many are meant to be left out"
     )
     yield Finding("warning", "rate", f"{where}, {name}", text)
 

@@ -50,11 +50,13 @@ def from_columns(
     """
     name = time_column(path, columns, options, names, labels)
     stamps = columns[name]
-    if options.time_unit is None and stamps.dtype.kind not in "mM":
-        _require_unit(path, name)
     if len(stamps) * len(columns) > limits().numbers:
         refuse(LogError, f"{path.name!r} asks for {len(stamps)} rows of columns", len(columns), "numbers")
     unit = _unit(name, options)
+    told = "map" if options.time_unit else "name" if unit_at_end(name) else ""
+    told = "dates" if stamps.dtype.kind in "mM" else told
+    if not told:
+        _require_unit(path, name)
     scale = UNITS_OF_TIME[unit]
     time, start = seconds(stamps, scale) if len(stamps) else (np.empty(0), math.nan)
     if math.isnan(start):
@@ -68,10 +70,11 @@ def from_columns(
         for key, values in columns.items()
         if key != name
     }
+    clock = {"start": start, "time_column": name, "time_unit": unit, "time_unit_told": told}
     return RawLog(
         path,
         sources,
-        {**(metadata or {}), "start": start, "time_column": name, "time_unit": unit},
+        {**(metadata or {}), **clock},
         labels or {},
         findings,
         tuple(names) or tuple(columns),
