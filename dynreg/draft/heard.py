@@ -57,7 +57,12 @@ class Heard:
         return float(np.nanmax(np.abs(self.series[name].values), initial=0.0)) if name in self.series else 0.0
 
     def rate(self, actions: Sequence[str]) -> float | None:
-        """How often commands come [Hz], by their stamps, at most `FASTEST`; None where no stamps tell.
+        """How often the robot is controlled [Hz]: as `often`, at most `FASTEST`; None where no stamps tell."""
+        often = self.often(actions)
+        return None if often is None else rounded_rate(often / thinned(often))
+
+    def often(self, actions: Sequence[str]) -> float | None:
+        """How often commands come [Hz], by their stamps; None where no stamps tell.
 
         How often measurements come, where these are more frequent than commands that are `RARE` or missing; how often
         rows come, where neither is known.
@@ -66,12 +71,7 @@ class Heard:
         if told is None or told < RARE:
             measured = _often([s for name, s in self.series.items() if name not in actions])
             told = max((rate for rate in (told, measured) if rate is not None), default=self.clock)
-        if told is None:
-            return None
-        rate = told / max(1.0, np.ceil(told / FASTEST - 1e-3))
-        return (
-            float(round(rate)) if abs(rate - round(rate)) < 0.01 * rate and rate > 2 else float(f"{rate:.4g}")
-        )
+        return told
 
     def follows(self, command: str, position: str) -> bool:
         """Whether a command is where the position goes."""
@@ -96,6 +96,21 @@ class Heard:
         return at[known], went.values[known]
 
 
+def thinned(often: float) -> int:
+    """Of how many commands that come so `often` [Hz] control takes one, so that it is no faster than `FASTEST`."""
+    return int(max(1.0, np.ceil(often / FASTEST - 1e-3)))
+
+
+def rounded_rate(rate: float) -> float:
+    """A rate [Hz] without the scatter of the stamps that it is of.
+
+    >>> rounded_rate(99.6), rounded_rate(0.66666)
+    (100.0, 0.6667)
+    """
+    whole = abs(rate - round(rate)) < 0.01 * rate and rate > 2
+    return float(round(rate)) if whole else float(f"{rate:.4g}")
+
+
 def _often(signals: Sequence[Series]) -> float | None:
     """How often signals come [Hz], by their stamps; None where these tell nothing."""
     steps = [np.median(np.diff(s.time)) for s in signals if len(s) > 2]
@@ -105,7 +120,7 @@ def _often(signals: Sequence[Series]) -> float | None:
 
 def _clock_of(log: RawLog) -> float | None:
     """How often the rows of a table come [Hz]; None for messages, and for a clock that seems not to count seconds."""
-    if "time_column" not in log.metadata:
+    if log.counting is None or log.counting.told == "steps":
         return None
     sure = (s for s in log.sources.values() if len(s) > 2 and doubted(s.time, log.counting) is None)
     column = next(sure, None)
@@ -137,11 +152,13 @@ def require_clocks(told: Heard, log: RawLog) -> None:
     another unit than is known.
     """
     for found in errors(check_clocks(told.series, log.path.name, None)):
+        problem, _, do = found.message.partition("; ")
+        if not do or "[episodes]" in do:  # no map is read here
+            do = "mend it, or split the log there"
         raise LogError(
-            f"{found.where}: {found.message}",
+            f"{found.where}: {problem}",
             expected="a clock that runs on",
-            do="mend the log, or draft without --log: `dynreg doctor LOG --robot FOLDER --draft-map MAP` then writes "
-            "a map",
+            do=f"{do}, or draft without --log: `dynreg doctor LOG --robot FOLDER --draft-map MAP` then writes a map",
         )
     counting = log.counting
     if not told.series or counting is None:

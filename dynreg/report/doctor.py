@@ -78,6 +78,9 @@ def refusal(result: LogFindings) -> LogError | None:
         return None
     wrong = [f for f in result.findings if f.severity == "error"]
     problem, expected, do = first_of([f.message for f in wrong])
+    found, _, advice = wrong[0].message.rpartition("; ")
+    if not expected and found:  # it says itself what to do
+        problem, do = problem.replace(wrong[0].message, found), advice
     where = wrong[0].where
     return LogError(
         problem if where.split(",")[0] in problem else f"{where}: {problem}",

@@ -245,6 +245,52 @@ def test_doctor_reads_a_log_by_the_map_of_its_robot_as_ingest_does(dynreg, arm: 
         assert ended.status == 1 and "the clock runs back by 2.99 s" in ended.err, ended
 
 
+def test_a_clock_that_runs_back_is_told_what_to_do_once(dynreg, arm: Path, here: Path) -> None:
+    (here / "back.csv").write_text(_moving([f"{k % 300 / 100}" for k in range(600)], "time"))
+    for verb in (
+        "doctor back.csv",
+        "doctor back.csv --robot arm",
+        "robots init arm.xml --to x --log back.csv",
+    ):
+        said = dynreg(*verb.split()).err
+        assert len(re.findall("mend", said)) == 1 and said.count("split") == 1, said
+
+
+def test_a_log_above_500_hz_is_said_to_be_thinned_with_advice_that_works(dynreg, here: Path) -> None:
+    (here / "arm.xml").write_text(ARM)
+    (here / "run.csv").write_text(_moving([f"{k / 700:.6f}" for k in range(900)], "time"))
+    made = dynreg(*"robots init arm.xml --log run.csv".split())
+    said, toml = " ".join(made.out.split()), here / "arm" / "robot.toml"
+    assert "the log has 700 rows a second, and control_rate is 350 Hz, which takes one in 2" in said, made
+    assert "of the log's stamps, of which it takes one in 2" in toml.read_text()
+    stored = dynreg(*"ingest run.csv --robot arm".split())
+    advice = re.compile(r"set control_rate = (\S+) in robot.toml, with a timestep of at most (\S+) s")
+    rate, step = advice.search(said).groups()
+    assert advice.search(" ".join(stored.out.split())).groups() == (rate, step)
+    text = re.sub("control_rate = .*", f"control_rate = {rate}", toml.read_text())
+    toml.write_text(re.sub("timestep = .*", f"timestep = {step}", text))
+    assert dynreg(*"robots check arm".split()).status == 0
+    stored = dynreg(*"ingest run.csv --robot arm".split())
+    assert stored.status == 0 and "899 rows" in stored.out and "dropped" not in stored.out, stored
+
+
+def test_stamps_with_too_few_digits_are_said_to_be_so_with_advice_that_works(
+    dynreg, arm: Path, here: Path
+) -> None:
+    (here / "coarse.csv").write_text(_moving([f"{k / 50:.1f}" for k in range(600)], "time"))
+    init = "robots init arm.xml --log coarse.csv --to".split()
+    told = "stamps repeat the one before: they are written to 0.1 s, and rows come about every 0.02 s"
+    made = dynreg(*init, "two")
+    assert made.status == 0 and told in " ".join(made.out.split()), made
+    checked = dynreg(*"ingest coarse.csv --robot two".split())
+    said = " ".join(checked.out.split())
+    assert checked.status == 0 and told in said and "control_rate" not in said, checked
+    step = float(re.search(r"as the number of the row times ([\d.]+)", said)[1].rstrip("."))
+    (here / "coarse.csv").write_text(_moving([f"{k * step:.4f}" for k in range(600)], "time"))
+    made = dynreg(*init, "three")
+    assert "stamps repeat" not in made.out and "at 50 Hz" in made.out, made
+
+
 DATES = [
     *("11/29/2026 09:01:02.500", "29.11.2026 09:01", "09:01:02.5", "09:01:02", "2026-11-29 09:01:02,5"),
 ]

@@ -119,3 +119,28 @@ def test_a_map_drafted_from_a_slow_log_of_which_the_unit_is_known_asks_no_more(w
     spec = RecordingSpec("one", SPEC.channels, (), 1.0)
     assert "gap = 3.0    # its rows come every 1 s" in draft.text
     assert not [f for f in doctor(path, spec, draft.log_map) if f.check in ("clock", "gap", "rate")]
+
+
+REPEATED = {  # stamps and values of a log in which stamps repeat: what is said
+    "coarse": (
+        np.round(ROWS / 125, 2),
+        np.sin(ROWS / 50),
+        "written to 0.01 s, and rows come about every 0.008 s",
+    ),
+    "seconds": (ROWS // 20, np.sin(ROWS / 50), "written to 1 s, and rows come about every 0.05"),
+    "each row twice": (ROWS // 2 * 0.01, np.sin(ROWS // 2 / 50), "150 stamps repeat the one before; of rows"),
+    "one row twice": (
+        np.maximum(ROWS - (ROWS > 9), 0) * 0.01,
+        np.sin(ROWS / 50),
+        "1 stamps repeat the one before; of",
+    ),
+    "a stop": (np.minimum(ROWS, 200) * 0.01, np.sin(ROWS / 50), "the clock stands still at 2.000000 s"),
+}
+
+
+@pytest.mark.parametrize("case", REPEATED)
+def test_stamps_that_repeat_are_told_for_what_they_are(case: str, write_table: Callable):
+    time, values, said = REPEATED[case]
+    found = [f for f in doctor(write_table(time=time, q=values)) if f.check == "clock"]
+    assert len(found) == 1 and said in found[0].message, found
+    assert found[0].severity == ("error" if case in ("seconds", "a stop") else "warning")

@@ -1,7 +1,7 @@
 """Stamps that run back, stand still, repeat, scatter, fall silent or count in another unit."""
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,10 @@ from dynreg.data.clock_names import UNITS_OF_TIME
 from dynreg.data.series import SECONDS, Counting, Finding, RawLog, Series
 
 STANDSTILL_ROWS = 10  # rows with one and the same stamp that make a stopped clock
+SHARED = 0.1  # share of the rows with the stamp of the row before, from which on stamps are coarse
+ALIKE = 3.0  # times the usual number of rows with one stamp that a coarse clock may stay at one
+WHOLE = 0.01  # of the step of a coarse clock, by which its steps may miss a whole number of that
+STAMPS = "mend it, or write the stamps with more digits"
 JITTER = 3.0  # 99th percentile over median period
 SLOW_STEP = 2.0  # [s] between rows: a clock in another unit, where nothing tells that it counts seconds
 NEVER = 200.0  # [s] between rows of no robot's log, whatever the name of the clock says
@@ -58,13 +62,18 @@ def check_clocks(
         time = channels[names[0]].time
         here = f"{where}, {names[0]}{more}"
         if not only_gaps:
-            yield from check_clock(time, here, counting)
+            yield from check_clock(time, here, counting, coarse([channels[name] for name in names]))
         if gap is not None:
             yield from check_gaps(time, here, gap, counting)
 
 
-def check_clock(time: np.ndarray, where: str, counting: Counting | None = SECONDS) -> Iterator[Finding]:
-    """Stamps that run back, stand still, repeat or scatter, or whose clock counts in another unit than `counting`."""
+def check_clock(
+    time: np.ndarray, where: str, counting: Counting | None = SECONDS, rounded: str = ""
+) -> Iterator[Finding]:
+    """Stamps that run back, stand still, repeat or scatter, or whose clock counts in another unit than `counting`.
+
+    rounded : what is said of them where they are `coarse`.
+    """
     good = np.isfinite(time)
     if not good.all():
         row = int(np.argmin(good))
@@ -89,14 +98,12 @@ def check_clock(time: np.ndarray, where: str, counting: Counting | None = SECOND
     if equal.any():
         start, run = longest_run(equal)
         stopped = run >= STANDSTILL_ROWS
-        yield Finding(
-            "error" if stopped else "warning",
-            "clock",
-            f"{where}, row {start}",
-            f"the clock stands still at {time[start]:.6f} s for {run + 1} rows"
-            if stopped
-            else f"{int(equal.sum())} stamps repeat the one before; of rows with the same stamp the last one counts",
-        )
+        if stopped:
+            text = rounded or f"the clock stands still at {time[start]:.6f} s for {run + 1} rows; {STAMPS}"
+        else:
+            text = rounded or f"{int(equal.sum())} stamps repeat the one before"
+            text += "; of rows with the same stamp the last one counts"
+        yield Finding("error" if stopped else "warning", "clock", f"{where}, row {start}", text)
     moving, doubt = steps[steps > 0], doubted(time, counting)
     if doubt is not None:
         yield Finding("warning", "clock", where, f"{doubt.said}; {doubt.do}")
@@ -105,6 +112,33 @@ def check_clock(time: np.ndarray, where: str, counting: Counting | None = SECOND
         if late > JITTER * median:
             text = f"uneven stamps: median {1e3 * median:.3g} ms, 99 % below {1e3 * late:.3g} ms"
             yield Finding("info", "jitter", where, text)
+
+
+def coarse(signals: Iterable[Series]) -> str:
+    """What is said of stamps that are written with so few digits that many rows share one; "" of others.
+
+    signals : of one clock or several, the first that tells. Rows that repeat another as a whole are none of these, nor
+    are those of a clock that stops.
+    """
+    for signal in signals:
+        known = signal.rows(np.isfinite(signal.values) & np.isfinite(signal.time))
+        steps = np.diff(known.time)
+        equal, moving = steps == 0, steps[steps > 0]
+        shared = int((equal & (np.diff(known.values) != 0)).sum())
+        if len(moving) < 10 or (steps < 0).any() or shared < SHARED * len(steps):
+            continue
+        least, often = float(moving.min()), len(steps) / len(moving)
+        missed = np.abs(moving / least - np.round(moving / least)).max()
+        if longest_run(equal)[1] > ALIKE * often or missed > WHOLE:
+            continue
+        first, *_, last = np.flatnonzero(steps > 0) + 1
+        every = f"{(known.time[last] - known.time[first]) / (last - first):.2g}"
+        return (
+            f"{int(equal.sum())} of {len(known)} stamps repeat the one before: they are written to {least:.3g} s, and "
+            f"rows come about every {every} s; write them with more digits or, if rows come evenly, as the number of "
+            f"the row times {every}"
+        )
+    return ""
 
 
 def doubted(time: np.ndarray, counting: Counting | None) -> Doubt | None:
