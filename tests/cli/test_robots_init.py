@@ -291,6 +291,28 @@ def test_stamps_with_too_few_digits_are_said_to_be_so_with_advice_that_works(
     assert "stamps repeat" not in made.out and "at 50 Hz" in made.out, made
 
 
+@pytest.mark.parametrize(
+    ("stamps", "told"),
+    [
+        ([f"{k / 100:.2f}" for k in range(600)], "correct time_unit under [map] if it is longer"),
+        (
+            [f"{10**7 * k}" for k in range(600)],
+            "correct time_unit there if the signal is sampled at another rate",
+        ),
+    ],
+)
+def test_a_later_log_whose_clock_counts_otherwise_than_the_map_says_is_told_so(
+    stamps: list[str], told: str, dynreg, here: Path
+) -> None:
+    (here / "arm.xml").write_text(ARM)
+    (here / "run.csv").write_text(_moving([f"{10 * k}" for k in range(600)], "time_ms"))
+    assert dynreg(*"robots init arm.xml --log run.csv".split()).status == 0
+    (here / "later.csv").write_text(_moving(stamps, "time_ms"))
+    for verb in ("ingest", "doctor"):
+        ended = dynreg(verb, "later.csv", "--robot", "arm")
+        assert ended.status == 1 and told in " ".join(ended.err.split()), ended
+
+
 DATES = [
     *("11/29/2026 09:01:02.500", "29.11.2026 09:01", "09:01:02.5", "09:01:02", "2026-11-29 09:01:02,5"),
 ]

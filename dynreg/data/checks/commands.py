@@ -28,12 +28,15 @@ def check_commands(episode: RawEpisode, spec: RecordingSpec, where: str) -> Iter
     if coarse([episode.channels[name]]):
         return  # that is told of the clock
     rate = float(f"{rates[name]:.3g}")
-    do = f"set control_rate = {rate:g} in robot.toml, with a timestep of at most {step_within(rate):g} s"
+    do = (
+        f"set control_rate = {rate:g} in robot.toml, with a timestep of at most {step_within(rate):g} s, unless so "
+        "many are meant to be left out"
+    )
     if rate > FASTEST:
-        do = "set time_unit under [map], for no robot is told so many"
+        do = "no robot is told so many, so correct time_unit under [map]"
     text = (
         f"commands come at {rate:g} Hz, control_rate is {spec.rate:g} Hz: {100 * (1 - spec.rate / rate):.0f} % of them "
-        f"are dropped; {do}, unless so many are meant to be left out"
+        f"are dropped; {do}"
     )
     yield Finding("warning", "rate", f"{where}, {name}", text)
 
