@@ -27,11 +27,12 @@ def doctor(
     It lists topics with their types, rates and units, and checks clocks, gaps and numbers. With a robot it also
     checks the robot's channels, units and limits. `--draft-map` writes a map to start from.
 
-    Exit status 1: the logs cannot be ingested.
+    Exit status 1: the logs cannot be ingested, by the drafted map where one was drafted.
 
     Example: dynreg doctor run.mcap --robot servo_pendulum --draft-map my_map.toml
     """
     from dynreg.errors import UsageError
+    from dynreg.report.doctor import refusal
     from dynreg.verbs.doctor import findings
 
     if log_map is not None and draft_map is not None:
@@ -41,14 +42,18 @@ def doctor(
     answer = findings(logs, robot, log_map, draft_map)
     if answer.drafted is not None and answer.drafted.path is None and not call.shared.json:
         typer.echo(answer.drafted.text, nl=False)
+        if (problem := refusal(answer)) is not None:
+            raise problem
         return
     call.emit(answer, hint=_next(answer, logs))
 
 
 def _next(answer, logs: list[Path]) -> str | None:
-    """The next step where a map was drafted."""
-    if answer.drafted is None:
+    """The next step where a map was drafted with which the logs can be read."""
+    if answer.drafted is None or not answer.usable:
         return None
     if answer.robot is None:
+        if any(f.check == "clock" and f.severity == "warning" for f in answer.findings):
+            return None  # it drafts from a clock that nobody doubts
         return command("robots", "init", "MODEL.xml", "--log", logs[0])
     return command("ingest", *logs, "--robot", answer.robot, "--map", answer.drafted.path)

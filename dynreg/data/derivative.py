@@ -43,7 +43,7 @@ def derivative(series: Series, filter_hz: float | None) -> Series:
         raise LogError(
             f"filter_hz = {filter_hz:g} for a signal sampled at {1 / period:.4g} Hz",
             expected=f"less than {0.5 / period:.4g} Hz",
-            do="lower filter_hz in the map",
+            do="lower filter_hz in the map, or correct time_unit there if the signal is sampled at another rate",
         )
     rows = int((time[-1] - time[0]) / period + 1e-6) + 1
     if rows > max(GRID_LIMIT, 200 * len(time)) or rows > limits().rows:

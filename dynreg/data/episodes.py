@@ -13,7 +13,7 @@ from dynreg.data.maps import ChannelMap, LogMap, SettingMap, factors, of_text
 from dynreg.data.outliers import far_from_median, spikes
 from dynreg.data.patterns import search
 from dynreg.data.schema import ChannelSpec, RecordingSpec
-from dynreg.data.series import Finding, RawLog, Series
+from dynreg.data.series import SECONDS, Counting, Finding, RawLog, Series
 from dynreg.errors import LogError, MapError, one_of, quoted
 from dynreg.limits import limits, refuse
 
@@ -26,6 +26,7 @@ class RawEpisode:
 
     clock : [s] the absolute time at which the log's stamps are 0. log : number of the log among those read with it.
     findings : what the map had dropped. dropped : {channel: stamps [s] of the values that it had dropped}.
+    counting : how the log's clock counts.
     """
 
     name: str
@@ -36,6 +37,7 @@ class RawEpisode:
     log: int = 0
     findings: tuple[Finding, ...] = ()
     dropped: Mapping[str, np.ndarray] = field(default_factory=dict)
+    counting: Counting | None = SECONDS
 
 
 def raw_episodes(log: RawLog, log_map: LogMap, spec: RecordingSpec) -> tuple[RawEpisode, ...]:
@@ -63,7 +65,12 @@ def raw_episodes(log: RawLog, log_map: LogMap, spec: RecordingSpec) -> tuple[Raw
         found = (*([] if out else aside), *(finding for _, more in kept.values() for finding in more))
         dropped = {key: _lost(logged[key], series) for key, series in channels.items()}
         out.append(
-            RawEpisode(name, log.path.name, channels, settings, log.start, findings=found, dropped=dropped)
+            RawEpisode(
+                *(name, log.path.name, channels, settings, log.start),
+                findings=found,
+                dropped=dropped,
+                counting=log.counting,
+            )
         )
     if log_map.episodes.by == "gaps":
         held = {c.name for c in spec.channels if c.hold}

@@ -196,7 +196,7 @@ def examine(path: str | Path, log_map: LogMap | None = None) -> tuple[RawLog | N
     findings = [*log.findings, *shared(log, signals)]
     for part in episodes_of(log):
         told = {name: part.sources[name] for name in clocked(signals)}
-        findings += check_clocks(told, part.path.name, _gap(log_map))
+        findings += check_clocks(told, part.path.name, _gap(log_map), counting=log.counting)
     for name in (signal.source for signal in signals):
         series = log.sources[name]
         findings += check_numbers(series, f"{path.name}, {name}")
@@ -232,11 +232,15 @@ def _mapped(
 
 
 def holds_sources(paths: Paths, spec: RecordingSpec, log_map: LogMap) -> bool:
-    """Whether logs hold every signal that a map names, but for those of optional channels: it is a map of theirs."""
+    """Whether logs hold every signal that a map names, but for those of optional channels: it is a map of theirs.
+
+    The clock that it names does not count.
+    """
     free = {c.name for c in spec.channels if c.optional}
     named = {source for name, c in log_map.channels.items() if name not in free for source in c.sources}
+    clockless = log_map.model_copy(update={"map": log_map.map.model_copy(update={"time": None})})
     try:
-        return bool(named) and all(named <= log.sources.keys() for log in _logs(_expand(paths), log_map))
+        return bool(named) and all(named <= log.sources.keys() for log in _logs(_expand(paths), clockless))
     except DynregError:
         return False
 

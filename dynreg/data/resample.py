@@ -172,6 +172,6 @@ def _grid(
         raise LogError(
             f"{episode.file}, episode {episode.name!r} has {len(grid)} samples in common to all channels",
             expected="at least 2",
-            do="record a longer run, or leave this file out",
+            do="record a longer run, leave this file out, or correct time_unit under [map] if it is longer",
         )
     return grid

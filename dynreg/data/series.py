@@ -99,6 +99,22 @@ def clean(series: Series) -> Series:
 
 
 @dataclass(frozen=True)
+class Counting:
+    """How the clock of a table counts.
+
+    unit : "s", "ms", "us" or "ns", in which it was read. told : what tells it: the "map", the "name" of the column,
+    "dates" in it or its "steps"; "" where seconds are taken for granted. column : its name.
+    """
+
+    unit: str = "s"
+    told: Literal["map", "name", "dates", "steps", ""] = ""
+    column: str = "time"
+
+
+SECONDS = Counting()
+
+
+@dataclass(frozen=True)
 class RawLog:
     """A log as read.
 
@@ -129,6 +145,23 @@ class RawLog:
     def start(self) -> float:
         """The first stamp in absolute time [s]; 0 where the log does not tell it."""
         return float(self.metadata.get("start", 0.0))
+
+    @property
+    def counting(self) -> Counting | None:
+        """How its clock counts; None of messages, whose stamps tell."""
+        if "time_column" not in self.metadata:
+            return None
+        told = self.metadata.get("time_unit_told", "")
+        return Counting(self.metadata["time_unit"], told, self.metadata["time_column"])
+
+    def counted_in(self, unit: str, factor: float) -> "RawLog":
+        """The log of a table whose clock counts in another unit than it was read in, by its steps.
+
+        factor : seconds in one, for each second that was read.
+        """
+        told = {"start": self.start * factor, "time_unit": unit, "time_unit_told": "steps"}
+        sources = {name: replace(s, time=s.time * factor) for name, s in self.sources.items()}
+        return replace(self, sources=sources, metadata={**self.metadata, **told})
 
     def topic_of(self, source: str) -> str:
         """The topic of a signal, "" in tables; of many things in one topic theirs, such as "/tf[odom->base_link]"."""

@@ -7,6 +7,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from dynreg.data.checks.clock import coarse
+from dynreg.data.checks.commands import step_within
 from dynreg.data.drafting import Draft, draft_map
 from dynreg.data.names import joint_of
 from dynreg.data.series import RawLog
@@ -19,7 +21,7 @@ from dynreg.draft.driven import check_gains, drives_of, say_limits
 from dynreg.draft.drives import Drive, name_of
 from dynreg.draft.entry import Drafted, DraftOptions, Entry, Notes, listed
 from dynreg.draft.ground import add_ground, ground_of, standing_height
-from dynreg.draft.heard import Heard, heard, require_clocks, sensed, spec_of
+from dynreg.draft.heard import FASTEST, Heard, heard, require_clocks, rounded_rate, sensed, spec_of, thinned
 from dynreg.draft.measured import (
     EFFORT,
     with_measured_gains,
@@ -88,7 +90,7 @@ def draft_robot(
     without_self_contacts(opened, base, notes)
     add_start(opened, base, told)
     model = opened.compiled()
-    head = _head(model, (name, source.name), base, drives, told)
+    head = _head(model, (name, source.name), base, drives, told, notes)
     longest = float(head.values["timestep"])
     head = with_time_step(opened, drives, head, notes)
     made = _settled(opened, _tables(opened.compiled(), drives, head, told, notes), longest, notes)
@@ -133,6 +135,10 @@ def _heard(
     measured = heard(draft_map(log, beside, called(drives))).series
     every = replace(told, series={**told.series, **measured})
     require_clocks(every, log)
+    if rounded := coarse(every.series.values()):
+        notes.add(
+            f"{rounded}, and draft again with another --to: control_rate and noise are those of the stamps as they are"
+        )
     missing = [name for name in said if name not in told.series]
     say_no_command(drafted, missing, [*measured], notes)
     if measured and len(missing) < len(said):
@@ -270,12 +276,27 @@ def _with_map(made: Drafted, drives: Sequence[Drive], log: RawLog) -> Drafted:
 
 
 def _head(
-    model: mujoco.MjModel, names: tuple[str, str], base: int, drives: Sequence[Drive], told: Heard | None
+    model: mujoco.MjModel,
+    names: tuple[str, str],
+    base: int,
+    drives: Sequence[Drive],
+    told: Heard | None,
+    notes: Notes,
 ) -> Entry:
     name, source = names
-    heard_rate = told.rate([d.action for d in drives]) if told else None
+    actions = [d.action for d in drives]
+    heard_rate = told.rate(actions) if told else None
     rate = heard_rate or RATES[base >= 0]
     said = "control_rate: of the log's stamps" if heard_rate else "control_rate: a guess"
+    logged = told.often(actions) if told else None
+    if logged and (every := thinned(logged)) > 1:
+        said += f", of which it takes one in {every}"
+        whole = rounded_rate(logged)
+        notes.add(
+            f"the log has {whole:g} rows a second, and control_rate is {rate:g} Hz, which takes one in {every}: above "
+            f"{FASTEST:g} Hz every answer is slow. To take all, set control_rate = {whole:g} in robot.toml, with a "
+            f"timestep of at most {step_within(whole):g} s"
+        )
     tools = [site for site in moving_sites(model) if carries_tool(site)]
     return Entry(
         {

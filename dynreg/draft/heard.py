@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 
 from dynreg.data.checks import check_clocks, errors
-from dynreg.data.checks.clock import likely_unit, slow_clock, usual_step, whole_step
+from dynreg.data.checks.clock import FASTEST as QUICKEST
+from dynreg.data.checks.clock import doubted, likely_units, quickest, whole_step
 from dynreg.data.drafting import Draft
 from dynreg.data.episodes import raw_episodes
-from dynreg.data.readers.columns import stated_unit
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.series import RawLog, Series
 from dynreg.draft.tables import Sensed
@@ -28,7 +28,6 @@ WHITE = {3: 0.717, 4: 0.700, 5: 0.685, 6: 0.673, 7: 0.661, 8: 0.651}
 FLAT = 0.8  # share to which the next order falls where noise is left alone: less, and it is motion still
 # Noise that is never undercut, by unit: numbers are rounded.
 LEAST = {"rad": 1e-5, "m": 1e-6, "rad/s": 1e-4, "m/s": 1e-5}
-SINCE_1970 = (1e9, 1e10)  # [s] stamps that count from 1970: of the years 2001 to 2286. More are milliseconds
 STILL = 2.0  # times its noise that a signal varies, 1 sigma, below which its motion cannot be told from noise
 WHOLE = 0.02  # share of a quantum by which steps may miss a whole number of it
 FOLLOWS = 0.8  # correlation from which a command is one for the position
@@ -58,7 +57,12 @@ class Heard:
         return float(np.nanmax(np.abs(self.series[name].values), initial=0.0)) if name in self.series else 0.0
 
     def rate(self, actions: Sequence[str]) -> float | None:
-        """How often commands come [Hz], by their stamps, at most `FASTEST`; None where no stamps tell.
+        """How often the robot is controlled [Hz]: as `often`, at most `FASTEST`; None where no stamps tell."""
+        often = self.often(actions)
+        return None if often is None else rounded_rate(often / thinned(often))
+
+    def often(self, actions: Sequence[str]) -> float | None:
+        """How often commands come [Hz], by their stamps; None where no stamps tell.
 
         How often measurements come, where these are more frequent than commands that are `RARE` or missing; how often
         rows come, where neither is known.
@@ -67,12 +71,7 @@ class Heard:
         if told is None or told < RARE:
             measured = _often([s for name, s in self.series.items() if name not in actions])
             told = max((rate for rate in (told, measured) if rate is not None), default=self.clock)
-        if told is None:
-            return None
-        rate = told / max(1.0, np.ceil(told / FASTEST - 1e-3))
-        return (
-            float(round(rate)) if abs(rate - round(rate)) < 0.01 * rate and rate > 2 else float(f"{rate:.4g}")
-        )
+        return told
 
     def follows(self, command: str, position: str) -> bool:
         """Whether a command is where the position goes."""
@@ -97,6 +96,21 @@ class Heard:
         return at[known], went.values[known]
 
 
+def thinned(often: float) -> int:
+    """Of how many commands that come so `often` [Hz] control takes one, so that it is no faster than `FASTEST`."""
+    return int(max(1.0, np.ceil(often / FASTEST - 1e-3)))
+
+
+def rounded_rate(rate: float) -> float:
+    """A rate [Hz] without the scatter of the stamps that it is of.
+
+    >>> rounded_rate(99.6), rounded_rate(0.66666)
+    (100.0, 0.6667)
+    """
+    whole = abs(rate - round(rate)) < 0.01 * rate and rate > 2
+    return float(round(rate)) if whole else float(f"{rate:.4g}")
+
+
 def _often(signals: Sequence[Series]) -> float | None:
     """How often signals come [Hz], by their stamps; None where these tell nothing."""
     steps = [np.median(np.diff(s.time)) for s in signals if len(s) > 2]
@@ -106,9 +120,10 @@ def _often(signals: Sequence[Series]) -> float | None:
 
 def _clock_of(log: RawLog) -> float | None:
     """How often the rows of a table come [Hz]; None for messages, and for a clock that seems not to count seconds."""
-    if "time_column" not in log.metadata:
+    if log.counting is None or log.counting.told == "steps":
         return None
-    column = next((s for s in log.sources.values() if len(s) > 2 and likely_unit(s.time) is None), None)
+    sure = (s for s in log.sources.values() if len(s) > 2 and doubted(s.time, log.counting) is None)
+    column = next(sure, None)
     return None if column is None else _often([column])
 
 
@@ -137,37 +152,35 @@ def require_clocks(told: Heard, log: RawLog) -> None:
     another unit than is known.
     """
     for found in errors(check_clocks(told.series, log.path.name, None)):
+        problem, _, do = found.message.partition("; ")
+        if not do or "[episodes]" in do:  # no map is read here
+            do = "mend it, or split the log there"
         raise LogError(
-            f"{found.where}: {found.message}",
+            f"{found.where}: {problem}",
             expected="a clock that runs on",
-            do="mend the log, or draft without --log: `dynreg doctor LOG --robot FOLDER --draft-map MAP` then writes "
-            "a map",
+            do=f"{do}, or draft without --log: `dynreg doctor LOG --robot FOLDER --draft-map MAP` then writes a map",
         )
-    column = log.metadata.get("time_column")
-    if not told.series or column is None or log.metadata["time_unit"] != "s":
+    counting = log.counting
+    if not told.series or counting is None:
         return
-    # A table may hold slow signals beside quick ones: the quickest clock tells the unit.
-    time = min((s.time for s in log.sources.values() if len(s) > 2), key=usual_step, default=np.zeros(0))
-    if stated_unit(column) is None and not _tells_seconds(log) and (step := whole_step(time)):
+    time = quickest(log)
+    if likely_units(log) == ("ms", "s") and (step := whole_step(time)):
         raise LogError(
-            f"{log.path.name}: stamps in column {column!r} go up by {step}: seconds ({1 / step:g} Hz) or milliseconds "
-            f"({1000 / step:g} Hz)",
+            f"{log.path.name}: stamps in column {counting.column!r} go up by {step}: seconds ({1 / step:g} Hz) or "
+            f"milliseconds ({1000 / step:g} Hz)",
             expected="a name of the column that tells the unit",
             do="call the column time_ms, or time_s; if it counts rows, replace it by seconds",
         )
-    unit = likely_unit(time)
-    if unit is not None:
+    doubt = doubted(time, counting)
+    if doubt is not None:
+        known = "" if counting.told else f"seconds in column {counting.column!r}, or "
+        do = f"call the column {' or '.join(f'time_{unit}' for unit in doubt.rates)}"
+        do += ", or write it in the unit that its name says" * bool(counting.told)
         raise LogError(
-            f"{log.path.name}: {slow_clock(time, unit)}",
-            expected=f"seconds in column {column!r}, or a name that tells the unit",
-            do=f"call the column time_{unit}",
+            f"{log.path.name}: {doubt.said}",
+            expected=f"{known}a name that tells the unit",
+            do=do if doubt.rates else f"write seconds in a column time_s, at most {QUICKEST:g} rows a second",
         )
-
-
-def _tells_seconds(log: RawLog) -> bool:
-    """Whether a log's first stamp tells that its clock counts seconds: a date, a time since 1970, or a fraction."""
-    first, last = SINCE_1970
-    return first <= log.start < last or log.start % 1.0 != 0.0
 
 
 def sensed(series: Series, unit: str) -> Sensed | None:

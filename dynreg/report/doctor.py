@@ -73,11 +73,14 @@ def _drafted(result: LogFindings) -> str:
 
 
 def refusal(result: LogFindings) -> LogError | None:
-    """The error of logs that could not be ingested; none where a map was drafted, for its gaps are to be filled."""
-    if result.usable or result.drafted is not None:
+    """The error of logs that cannot be ingested, with the map that was drafted where there is one."""
+    if result.usable:
         return None
     wrong = [f for f in result.findings if f.severity == "error"]
     problem, expected, do = first_of([f.message for f in wrong])
+    found, _, advice = wrong[0].message.rpartition("; ")
+    if not expected and found:  # it says itself what to do
+        problem, do = problem.replace(wrong[0].message, found), advice
     where = wrong[0].where
     return LogError(
         problem if where.split(",")[0] in problem else f"{where}: {problem}",

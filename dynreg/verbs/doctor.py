@@ -1,15 +1,15 @@
 """Checks of logs before they are ingested, their contents, and a map drafted from them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
 from dynreg.data.clocks import Span
 from dynreg.data.contents import contents
 from dynreg.data.drafting import Draft, draft_map
-from dynreg.data.ingest import Finding, doctor, examine, order_of, spans_of
+from dynreg.data.ingest import Finding, doctor, examine, holds_sources, order_of, spans_of
 from dynreg.data.maps import read_map, read_own_map
-from dynreg.errors import LogError
+from dynreg.errors import LogError, MapError
 from dynreg.results.doctor import DraftedMap, LogContents, LogFinding, LogFindings
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.verbs.written import write_new
@@ -18,7 +18,7 @@ from dynreg.verbs.written import write_new
 def findings(
     logs: Sequence[Path], robot: str | None, log_map: Path | None, draft: Path | None = None
 ) -> LogFindings:
-    """What the checks find without a map; where logs cannot be used so, with the robot's first map that helps.
+    """What the checks find without a map; where logs cannot be used so, with the robot's own map, as ingesting does.
 
     draft : drafts a map from the first log that can be read, and writes it there ("-" writes no file); the logs are
     then checked with it. Without a robot the logs are checked as they are, and their contents are listed.
@@ -34,16 +34,13 @@ def findings(
         )
     told, held, drafted = _looked(logs, loaded, draft) if spec is None or draft else ((), (), None)
     if drafted is not None:
-        found = told if spec is None else doctor(logs, spec, drafted.log_map)
+        found = told if spec is None else (*doctor(logs, spec, drafted.log_map), *_taken(drafted))
     elif spec is None:
         found = told if log_map is None else doctor(logs, None, read_map(log_map))
     else:
         found = doctor(logs, spec, read_map(log_map) if log_map else None)
     if log_map is None and drafted is None and loaded is not None and not _usable(found):
-        others = (
-            doctor(logs, spec, read_own_map(path)) for path in sorted((loaded.folder / "maps").glob("*.toml"))
-        )
-        found = next(filter(_usable, others), found)
+        found = _by_own_map(logs, loaded, found)
     if spec is not None and _usable(found):
         found += tuple(f for log in logs for f in _saturated(log, found))
     return LogFindings(
@@ -54,6 +51,37 @@ def findings(
         contents=held,
         drafted=None if drafted is None else _written(drafted, draft),
     )
+
+
+def _taken(drafted: Draft) -> Iterator[Finding]:
+    """What is said where a drafted map says another unit of the clock than the log does."""
+    counting = drafted.log.counting
+    if counting is not None and counting.told == "steps":
+        text = f'the drafted map says time_unit = "{counting.unit}", by the steps of {counting.column!r}: check it'
+        yield Finding("info", "clock", drafted.log.path.name, text)
+
+
+def _by_own_map(logs: Sequence[Path], robot: Robot, found: tuple[Finding, ...]) -> tuple[Finding, ...]:
+    """What is found by the first map of the robot with which the logs can be used; else by the first that is a map of
+    theirs, where they cannot be read without one; else what was `found`.
+    """
+    told = None
+    for path in sorted((robot.folder / "maps").glob("*.toml")):
+        try:
+            own = read_own_map(path)
+        except MapError:
+            continue  # `robots check` tells what is wrong with it
+        mine = doctor(logs, robot.recording_spec, own)
+        if _usable(mine):
+            return mine
+        if told is None and (_read(mine) or holds_sources(logs, robot.recording_spec, own)):
+            told = (*mine, Finding("info", "map", logs[0].name, f"read by the robot's map {path}"))
+    return found if told is None or _read(found) else told
+
+
+def _read(found: Sequence[Finding]) -> bool:
+    """Whether logs could be read and mapped, whatever the checks then found."""
+    return all(f.check not in ("log", "map") for f in found if f.severity == "error")
 
 
 def _saturated(log: Path, found: Sequence[Finding]) -> tuple[Finding, ...]:

@@ -112,13 +112,11 @@ def _read(paths: list[Path], robot: "Robot", log_map: "str | Path | LogMap | Non
                 if not isinstance(told, CheckError):
                     by = f"{problem.problem} (read by the robot's map {path.name})"
                     told = CheckError(by, expected=problem.expected, do=problem.do)
-            except MapError as problem:
+            except (LogError, MapError) as problem:
                 # it is the log's where that holds what it names, else it is the map of another log
                 if told is unmapped and not isinstance(told, CheckError) and holds_sources(paths, spec, own):
                     by = f"{problem.problem} (the robot's map {path})"
-                    told = MapError(by, expected=problem.expected, do=problem.do)
-            except LogError:
-                continue  # it is the map of another log
+                    told = type(problem)(by, expected=problem.expected, do=problem.do)
         raise told from None
 
 

@@ -1,6 +1,8 @@
 """`dynreg robots init` and what follows it: where the folder goes, and which command comes next."""
 
 import math
+import re
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,15 @@ ARM = """<mujoco><worldbody><body name="arm"><joint name="turn" axis="0 1 0" dam
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture
+def arm(dynreg, here: Path) -> Path:
+    """The folder of a robot that was drafted with a log at 100 Hz, whose clock is `time`."""
+    (here / "arm.xml").write_text(ARM)
+    (here / "run.csv").write_text(_moving([f"{k / 100}" for k in range(600)], "time"))
+    assert dynreg(*"robots init arm.xml --log run.csv".split()).status == 0
+    return here / "arm"
 
 
 def test_one_command_leads_to_the_next(dynreg, here: Path) -> None:
@@ -105,6 +116,7 @@ def _moving(times: list[str], clock: str, size: float = 1.0) -> str:
         ),
         ([f"{100_000_000 + k}" for k in range(600)], "go up by 1: seconds (1 Hz) or milliseconds (1000 Hz)"),
         ([f"{k // 3 + k % 3}" for k in range(600)], "the clock runs back"),
+        ([f"{k * 1e-5:.5f}" for k in range(600)], "no robot is logged so"),
         ([f"{k % 300 / 100}" for k in range(600)], "the clock runs back by 2.99 s"),
         ([f"{k // 300}" for k in range(600)], "the clock stands still"),
     ],
@@ -131,6 +143,41 @@ def test_the_name_that_the_error_proposes_makes_the_clock_known(
     (here / "run.csv").write_text(_moving([f"{step * k}" for k in range(600)], clock))
     made = dynreg(*"robots init arm.xml --log run.csv".split())
     assert made.status == 0 and f"at {rate} Hz" in made.out, made
+
+
+def test_seconds_that_are_called_milliseconds_are_told_and_how_to_call_them(dynreg, here: Path) -> None:
+    (here / "arm.xml").write_text(ARM)
+    times = [f"{0.002 * k:.3f}" for k in range(600)]
+    (here / "run.csv").write_text(_moving(times, "time_ms"))
+    init = "robots init arm.xml --log run.csv".split()
+    made = dynreg(*init)
+    said = " ".join(made.err.split())
+    assert (
+        made.status == 1
+        and "the name 'time_ms' says milliseconds, but then the median step is 2e-06 s" in said
+    )
+    assert "call the column time_s, or write it in the unit that its name says" in said
+    (here / "run.csv").write_text(_moving(times, "time_s"))
+    made = dynreg(*init)
+    assert made.status == 0 and "at 500 Hz" in made.out, made
+
+
+def test_a_map_drafted_from_nanoseconds_reads_them(dynreg, arm: Path, here: Path) -> None:
+    (here / "ns.csv").write_text(_moving([f"{10**7 * (k + 17 * 10**10)}" for k in range(600)], "time"))
+    told = dynreg(*"doctor ns.csv --robot arm --draft-map ns.toml".split())
+    assert told.status == 0 and 'time_unit = "ns", by the steps of' in " ".join(told.out.split()), told
+    stored = dynreg(*"ingest ns.csv --robot arm --map ns.toml".split())
+    assert stored.status == 0 and "600 rows, 6.0 s, 100 Hz" in " ".join(stored.out.split()), stored
+
+
+def test_a_drafted_map_with_which_a_log_cannot_be_ingested_ends_in_an_error(
+    dynreg, arm: Path, here: Path
+) -> None:
+    (here / "back.csv").write_text(_moving([f"{k % 300 / 100}" for k in range(600)], "time"))
+    for file in ("back.toml", "-"):
+        told = dynreg("doctor", "back.csv", "--robot", "arm", "--draft-map", file)
+        assert told.status == 1 and "the clock runs back" in told.err and "next:" not in told.out, told
+    assert "time_unit" in (here / "back.toml").read_text()
 
 
 @pytest.mark.parametrize(
@@ -171,6 +218,133 @@ def test_of_two_clocks_without_a_unit_the_quicker_one_is_told(dynreg, here: Path
     np.savez(here / "run.npz", **arrays)
     made = dynreg(*"robots init arm.xml --log run.npz".split())
     assert made.status == 1 and "go up by 1" in " ".join(made.err.split()), made
+
+
+@pytest.mark.parametrize("verb", ["doctor", "ingest"])
+@pytest.mark.parametrize("clock", ["stamp_of_bench", "t_s"])
+def test_a_clock_that_the_map_names_and_the_log_lacks_is_told_as_such(
+    clock: str, verb: str, dynreg, arm: Path, here: Path
+) -> None:
+    """Not as a channel that the log lacks, which is what its map is for."""
+    own = arm / "maps" / "log.toml"
+    own.write_text(own.read_text().replace('time = "time"', f'time = "{clock}"'))
+    ended = dynreg(verb, "run.csv", "--robot", "arm")
+    said = " ".join(ended.err.split())
+    assert ended.status == 1 and f"no column '{clock}', which the map names as the clock" in said, ended
+    assert "one of 'time', 'pos_turn', 'cmd_turn'; correct `time` under [map]" in said
+    assert "arm/maps/log.toml" in " ".join(f"{ended.out} {said}".split()).replace(" ", "").replace("\\", "/")
+    own.write_text(own.read_text().replace(f'time = "{clock}"\ntime_unit = "s"\n', ""))
+    assert dynreg(verb, "run.csv", "--robot", "arm").status == 0
+
+
+def test_doctor_reads_a_log_by_the_map_of_its_robot_as_ingest_does(dynreg, arm: Path, here: Path) -> None:
+    """What a check finds then is told, not that the log has none of the robot's columns."""
+    (here / "back.csv").write_text(_moving([f"{k % 300 / 100}" for k in range(600)], "time"))
+    for verb in ("doctor", "ingest"):
+        ended = dynreg(verb, "back.csv", "--robot", "arm")
+        assert ended.status == 1 and "the clock runs back by 2.99 s" in ended.err, ended
+
+
+def test_a_clock_that_runs_back_is_told_what_to_do_once(dynreg, arm: Path, here: Path) -> None:
+    (here / "back.csv").write_text(_moving([f"{k % 300 / 100}" for k in range(600)], "time"))
+    for verb in (
+        "doctor back.csv",
+        "doctor back.csv --robot arm",
+        "robots init arm.xml --to x --log back.csv",
+    ):
+        said = dynreg(*verb.split()).err
+        assert len(re.findall("mend", said)) == 1 and said.count("split") == 1, said
+
+
+def test_a_log_above_500_hz_is_said_to_be_thinned_with_advice_that_works(dynreg, here: Path) -> None:
+    (here / "arm.xml").write_text(ARM)
+    (here / "run.csv").write_text(_moving([f"{k / 700:.6f}" for k in range(900)], "time"))
+    made = dynreg(*"robots init arm.xml --log run.csv".split())
+    said, toml = " ".join(made.out.split()), here / "arm" / "robot.toml"
+    assert "the log has 700 rows a second, and control_rate is 350 Hz, which takes one in 2" in said, made
+    assert "of the log's stamps, of which it takes one in 2" in toml.read_text()
+    stored = dynreg(*"ingest run.csv --robot arm".split())
+    advice = re.compile(r"set control_rate = (\S+) in robot.toml, with a timestep of at most (\S+) s")
+    rate, step = advice.search(said).groups()
+    assert advice.search(" ".join(stored.out.split())).groups() == (rate, step)
+    text = re.sub("control_rate = .*", f"control_rate = {rate}", toml.read_text())
+    toml.write_text(re.sub("timestep = .*", f"timestep = {step}", text))
+    assert dynreg(*"robots check arm".split()).status == 0
+    stored = dynreg(*"ingest run.csv --robot arm".split())
+    assert stored.status == 0 and "899 rows" in stored.out and "dropped" not in stored.out, stored
+
+
+def test_stamps_with_too_few_digits_are_said_to_be_so_with_advice_that_works(
+    dynreg, arm: Path, here: Path
+) -> None:
+    (here / "coarse.csv").write_text(_moving([f"{k / 50:.1f}" for k in range(600)], "time"))
+    init = "robots init arm.xml --log coarse.csv --to".split()
+    told = "stamps repeat the one before: they are written to 0.1 s, and rows come about every 0.02 s"
+    made = dynreg(*init, "two")
+    assert made.status == 0 and told in " ".join(made.out.split()), made
+    checked = dynreg(*"ingest coarse.csv --robot two".split())
+    said = " ".join(checked.out.split())
+    assert checked.status == 0 and told in said and "control_rate" not in said, checked
+    step = float(re.search(r"as the number of the row times ([\d.]+)", said)[1].rstrip("."))
+    (here / "coarse.csv").write_text(_moving([f"{k * step:.4f}" for k in range(600)], "time"))
+    made = dynreg(*init, "three")
+    assert "stamps repeat" not in made.out and "at 50 Hz" in made.out, made
+
+
+@pytest.mark.parametrize(
+    ("stamps", "told"),
+    [
+        ([f"{k / 100:.2f}" for k in range(600)], "correct time_unit under [map] if it is longer"),
+        (
+            [f"{10**7 * k}" for k in range(600)],
+            "correct time_unit there if the signal is sampled at another rate",
+        ),
+    ],
+)
+def test_a_later_log_whose_clock_counts_otherwise_than_the_map_says_is_told_so(
+    stamps: list[str], told: str, dynreg, here: Path
+) -> None:
+    (here / "arm.xml").write_text(ARM)
+    (here / "run.csv").write_text(_moving([f"{10 * k}" for k in range(600)], "time_ms"))
+    assert dynreg(*"robots init arm.xml --log run.csv".split()).status == 0
+    (here / "later.csv").write_text(_moving(stamps, "time_ms"))
+    for verb in ("ingest", "doctor"):
+        ended = dynreg(verb, "later.csv", "--robot", "arm")
+        assert ended.status == 1 and told in " ".join(ended.err.split()), ended
+
+
+DATES = [
+    *("11/29/2026 09:01:02.500", "29.11.2026 09:01", "09:01:02.5", "09:01:02", "2026-11-29 09:01:02,5"),
+]
+
+
+@pytest.mark.parametrize("first", DATES)
+@pytest.mark.parametrize("verb", ["doctor", "robots init arm.xml --to two --log"])
+def test_dates_that_are_not_read_are_told_with_a_form_that_is(
+    verb: str, first: str, dynreg, here: Path
+) -> None:
+    (here / "arm.xml").write_text(ARM)
+    (here / "odd.csv").write_text(_moving([f'"{first}"'] * 600, "time"))
+    ended = dynreg(*verb.split(), "odd.csv")
+    said = " ".join(ended.err.split())
+    assert ended.status == 1 and "the time column 'time' does not hold numbers" in said, ended
+    form = re.search(r"dates such as (\S+); write the column so, with the fractions of a second", said)[1]
+    start = datetime.fromisoformat(form)
+    dates = [(start + timedelta(seconds=k / 100)).isoformat(timespec="milliseconds") for k in range(600)]
+    (here / "odd.csv").write_text(_moving(dates, "time"))
+    assert dynreg(*verb.split(), "odd.csv").status == 0
+
+
+def test_a_log_without_a_clock_is_told_how_to_get_one(dynreg, here: Path) -> None:
+    (here / "arm.xml").write_text(ARM)
+    (here / "odd.csv").write_text(_moving([f"{k}" for k in range(600)], "sample"))
+    init = "robots init arm.xml --log odd.csv".split()
+    ended = dynreg(*init)
+    said = " ".join(ended.err.split())
+    assert ended.status == 1 and "no column that looks like time among 3: 'sample'" in said, ended
+    assert "add a column time: the number of the row times the seconds between two rows" in said
+    (here / "odd.csv").write_text(_moving([f"{k * 0.01}" for k in range(600)], "time"))
+    assert dynreg(*init).status == 0
 
 
 def test_a_later_log_in_degrees_is_told_by_the_stops_of_the_model(dynreg, here: Path) -> None:

@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 from dynreg.data.ingest import doctor
 from dynreg.data.readers import ReadOptions, format_of, read_log
 from dynreg.data.readers.messages import leaves
-from dynreg.errors import LogError
+from dynreg.errors import LogError, MapError
 
 START = 1_700_000_000_123_456_789  # ns
 STEP = 5_000_000
@@ -109,6 +109,12 @@ def test_log_time_on_request(tmp_path: Path):
     write_cdr_mcap(tmp_path / "run.mcap")
     series = read_log(tmp_path / "run.mcap", ReadOptions(time="log")).sources["/joint_states.position[elbow]"]
     assert series.time[0] == 0.0
+
+
+def test_a_column_is_no_clock_of_messages(tmp_path: Path):
+    write_cdr_mcap(tmp_path / "run.mcap")
+    with pytest.raises(MapError, match="a log of messages, and the map names column 't_s' as its clock"):
+        read_log(tmp_path / "run.mcap", ReadOptions(time="t_s"))
 
 
 def write_json_mcap(path: Path, messages: list[dict], topic: str = "/arm", encoding: str = "json") -> None:

@@ -49,7 +49,12 @@ def test_whole_nanoseconds_lose_no_digit(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("name", "second"), [("Time [s]", 1.0), ("time [ms]", 1e3), ("t (us)", 1e6), ("Timestamp[ns]", 1e9)]
+    ("name", "second"),
+    [
+        *(("Time [s]", 1.0), ("time [ms]", 1e3), ("t (us)", 1e6), ("Timestamp[ns]", 1e9)),
+        *(("Time [µs]", 1e6), ("Time (μs)", 1e6), ("time [sec]", 1.0), ("Time [msec]", 1e3), ("[msec]", 1e3)),
+        *(("seconds", 1.0), ("elapsed_ms", 1e3), ("Elapsed Time (sec)", 1.0), ("timestampUs", 1e6)),
+    ],
 )
 def test_a_clock_whose_unit_stands_in_brackets_needs_no_map(name: str, second: float, tmp_path: Path):
     rows = [f"{t * second:.0f},{q}" for t, q in zip(range(50), Q.tolist(), strict=True)]
@@ -92,6 +97,7 @@ def test_parquet_lists_flags_and_units(tmp_path: Path):
     [
         ("q,v\n1,2\n", "no column that looks like time"),
         ("time,q\n", "has no rows"),
+        ("Time [min],q\n1,2\n2,3\n", "'Time \\[min\\]' counts in min, which is not read"),
         ("time,q\n1,2\n1,2,3\n", "table"),
     ],
 )

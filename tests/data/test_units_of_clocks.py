@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from dynreg.data.drafting import draft_map
 from dynreg.data.ingest import doctor, read_recording
 from dynreg.data.maps import parse_map
 from dynreg.data.readers import ReadOptions, read_log
@@ -39,6 +40,8 @@ def test_a_step_that_two_units_explain_names_both(write_table: Callable):
         ("time_ms", None, 1e3),
         ("robot_clock_us", None, 1e6),
         ("Time [ns]", None, 1e9),
+        ("Time [µs]", None, 1e6),
+        ("Robot clock (msec)", None, 1e3),
         ("ticks", None, 1.0),
         ("time_ms", "s", 1.0),
         ("ticks", "ms", 1e3),
@@ -52,3 +55,92 @@ def test_a_map_that_names_the_clock_need_not_say_what_its_name_states(
     log_map = parse_map(f'[map]\ntime = "{name}"\n{unit}[channels.q]\nsource = "q"\n')
     time = read_log(path, ReadOptions(log_map.map.time, log_map.map.time_unit)).sources["q"].time
     np.testing.assert_allclose(time, ROWS * 1000 / second)
+
+
+@pytest.mark.parametrize(
+    ("name", "step", "rate", "says", "unit"),
+    [
+        ("time_ms", 0.002, 500_000, "milliseconds", "s"),
+        ("Time [ms]", 0.1, 10_000, "milliseconds", "s"),
+        ("time_us", 2, 500_000, "microseconds", "ms"),
+        ("elapsed_ns", 5000, 200_000, "nanoseconds", "us"),
+    ],
+)
+def test_a_name_that_says_a_unit_in_which_no_robot_is_logged_is_doubted(
+    name: str, step: float, rate: int, says: str, unit: str, write_table: Callable
+):
+    path = write_table(**{name: ROWS * step, "q": np.sin(ROWS / 50)})
+    (found,) = doctor(path)
+    assert found.severity == "warning" and f"the name {name!r} says {says}" in found.message
+    assert f"({rate} Hz)" in found.message and f'set time_unit = "{unit}" under [map]' in found.message
+    log_map = parse_map(f'[map]\ntime_unit = "{unit}"\n[channels.q]\nsource = "q"\n')
+    assert not [f for f in doctor(path, SPEC, log_map) if f.check in ("clock", "rate")]
+    assert f'time_unit = "{unit}"' in draft_map(read_log(path)).text
+
+
+@pytest.mark.parametrize(
+    ("name", "step"), [("time_s", 1.0), ("time_s", 60.0), ("time_ms", 1), ("time_us", 100)]
+)
+def test_a_name_that_says_a_unit_in_which_a_robot_may_be_logged_is_believed(
+    name: str, step: float, write_table: Callable
+):
+    found = doctor(write_table(**{name: ROWS * step, "q": np.sin(ROWS / 50)}))
+    assert not [f for f in found if "time_unit" in f.message or f.check == "clock"], found
+
+
+def test_a_clock_in_days_is_told_to_be_one(write_table: Callable):
+    (found,) = doctor(write_table(time=739_000 + ROWS * 0.01 / 86400, q=np.sin(ROWS / 50)))
+    assert "the clock looks like days; multiply it by 86400" in found.message
+    (fast,) = doctor(write_table(time=ROWS * 1e-5, q=np.sin(ROWS / 50)))
+    assert '(100000 Hz): no robot is logged so; set time_unit = "s" under [map] if it is so' in fast.message
+
+
+DRAFTED = {  # steps of a clock that says no unit: the line of its unit in a drafted map
+    10**7: 'time_unit = "ns"    # by its steps: check it',
+    10: 'time_unit = "ms"    # by its steps: check it',
+    0.01: 'time_unit = "s"',
+    100: '# time_unit = "ms"    # or "us": its steps do not tell which',
+    2: '# time_unit = "ms"    # or "s": its steps do not tell which',
+}
+
+
+@pytest.mark.parametrize("step", DRAFTED)
+def test_a_drafted_map_says_the_unit_that_is_said_of_the_clock(step: float, write_table: Callable):
+    log = read_log(write_table(time=ROWS * step, q=np.sin(ROWS / 50)))
+    draft = draft_map(log, SPEC)
+    assert DRAFTED[step] in draft.text.splitlines()
+    known = parse_map(draft.text).map.time_unit
+    assert known == (None if DRAFTED[step].startswith("#") else DRAFTED[step].split('"')[1])
+
+
+def test_a_map_drafted_from_a_slow_log_of_which_the_unit_is_known_asks_no_more(write_table: Callable):
+    path = write_table(time_s=ROWS * 1.0, q=np.sin(ROWS / 50))
+    draft = draft_map(read_log(path), SPEC)
+    spec = RecordingSpec("one", SPEC.channels, (), 1.0)
+    assert "gap = 3.0    # its rows come every 1 s" in draft.text
+    assert not [f for f in doctor(path, spec, draft.log_map) if f.check in ("clock", "gap", "rate")]
+
+
+REPEATED = {  # stamps and values of a log in which stamps repeat: what is said
+    "coarse": (
+        np.round(ROWS / 125, 2),
+        np.sin(ROWS / 50),
+        "written to 0.01 s, and rows come about every 0.008 s",
+    ),
+    "seconds": (ROWS // 20, np.sin(ROWS / 50), "written to 1 s, and rows come about every 0.05"),
+    "each row twice": (ROWS // 2 * 0.01, np.sin(ROWS // 2 / 50), "150 stamps repeat the one before; of rows"),
+    "one row twice": (
+        np.maximum(ROWS - (ROWS > 9), 0) * 0.01,
+        np.sin(ROWS / 50),
+        "1 stamps repeat the one before; of",
+    ),
+    "a stop": (np.minimum(ROWS, 200) * 0.01, np.sin(ROWS / 50), "the clock stands still at 2.000000 s"),
+}
+
+
+@pytest.mark.parametrize("case", REPEATED)
+def test_stamps_that_repeat_are_told_for_what_they_are(case: str, write_table: Callable):
+    time, values, said = REPEATED[case]
+    found = [f for f in doctor(write_table(time=time, q=values)) if f.check == "clock"]
+    assert len(found) == 1 and said in found[0].message, found
+    assert found[0].severity == ("error" if case in ("seconds", "a stop") else "warning")

@@ -35,8 +35,9 @@ def check_episode(episode: RawEpisode, spec: RecordingSpec, gap: float) -> tuple
     findings += episode.findings
     specs = {c.name: c for c in spec.channels}
     shown = {name: s for name, s in episode.channels.items() if not specs[name].hold}
-    findings += check_clocks(episode.channels, where, None)
-    findings += check_clocks(shown, where, None if spec.rate is None else gap, only_gaps=True)
+    silence = None if spec.rate is None else gap
+    findings += check_clocks(episode.channels, where, None, counting=episode.counting)
+    findings += check_clocks(shown, where, silence, only_gaps=True, counting=episode.counting)
     for name, series in episode.channels.items():
         here = f"{where}, {name}"
         findings += check_numbers(series, here, episode.dropped.get(name), optional=specs[name].optional)
@@ -67,7 +68,8 @@ def _short(episode: RawEpisode, spec: RecordingSpec, where: str) -> Iterator[Fin
             "warning", "short", where, f"lasts {duration:.3f} s, less than 10 steps at {spec.rate:g} Hz"
         )
     elif spec.rate is not None and rows < 0.1 * duration * spec.rate:
-        text = f"{rows / duration:.3g} samples/s for {spec.rate:g} Hz of control: is the clock in seconds?"
+        text = f"{rows / duration:.3g} samples/s for {spec.rate:g} Hz of control: is the clock in seconds? If not, set "
+        text += "time_unit under [map]"
         yield Finding("warning", "rate", where, text)
 
 

@@ -1,9 +1,11 @@
 """Commands that change more often than the robot's control rate has rows for."""
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
 
+from dynreg.data.checks.clock import FASTEST, coarse
 from dynreg.data.episodes import RawEpisode
 from dynreg.data.schema import RecordingSpec
 from dynreg.data.series import Finding, Series
@@ -23,12 +25,30 @@ def check_commands(episode: RawEpisode, spec: RecordingSpec, where: str) -> Iter
     name = max(rates, key=lambda n: rates[n], default="")
     if not name or HALF * rates[name] <= spec.rate:
         return
+    if coarse([episode.channels[name]]):
+        return  # that is told of the clock
     rate = float(f"{rates[name]:.3g}")
+    do = (
+        f"set control_rate = {rate:g} in robot.toml, with a timestep of at most {step_within(rate):g} s, unless so "
+        "many are meant to be left out"
+    )
+    if rate > FASTEST:
+        do = "no robot is told so many, so correct time_unit under [map]"
     text = (
         f"commands come at {rate:g} Hz, control_rate is {spec.rate:g} Hz: {100 * (1 - spec.rate / rate):.0f} % of them "
-        f"are dropped; set control_rate = {rate:g} in robot.toml, unless so many are meant to be left out"
+        f"are dropped; {do}"
     )
     yield Finding("warning", "rate", f"{where}, {name}", text)
+
+
+def step_within(rate: float) -> float:
+    """The longest time step [s] between two commands at a rate [Hz], in three digits that are not rounded up.
+
+    >>> step_within(1000.0), step_within(700.0)
+    (0.001, 0.00142)
+    """
+    digit = math.floor(math.log10(1.0 / rate)) - 2
+    return math.floor(10.0**-digit / rate * (1.0 + 1e-9)) / 10.0**-digit
 
 
 def _changes(commands: Series) -> float:

@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping
 
+from dynreg.data.checks.clock import likely_units
+from dynreg.data.clock_names import UNITS_OF_TIME
 from dynreg.data.drafting.bases import of_base
 from dynreg.data.drafting.joints import by_index, by_words, called, joints_of, of_joint, owned, unread
 from dynreg.data.drafting.offers import Offer, offers_of
@@ -23,8 +25,11 @@ def draft_map(log: RawLog, spec: RecordingSpec | None = None, also: Mapping[str,
     log does not hold is the derivative of its position. `read_recording` takes the text as it is where nothing is
     missing.
 
+    A clock that counts in another unit than it was read in is taken in the one that its steps tell.
+
     also : {joint: another name of it}, such as its actuator's, by which a log may call what nothing else is found for.
     """
+    log = _by_its_steps(log)
     offers = offers_of(log)
     known = spec or proposed(offers)
     return Draft(log, known, _sources(offers, known, also or {}))
@@ -38,6 +43,14 @@ def as_logged(log: RawLog) -> Draft:
         name: source for name, source in _sources(offers, known, {}).items() if "source" in source.keys
     }
     return Draft(log, known, sources)
+
+
+def _by_its_steps(log: RawLog) -> RawLog:
+    """The log in the unit in which its clock counts, where its steps tell that it is another than it was read in."""
+    counting, units = log.counting, likely_units(log)
+    if counting is None or len(units) != 1 or units[0] == counting.unit:
+        return log
+    return log.counted_in(units[0], UNITS_OF_TIME[units[0]] / UNITS_OF_TIME[counting.unit])
 
 
 def _sources(offers: tuple[Offer, ...], spec: RecordingSpec, also: Mapping[str, str]) -> dict[str, Source]:

@@ -3,14 +3,16 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+from dynreg.data.checks.clock import likely_units, quickest, usual_step
 from dynreg.data.drafting.offers import offers_of
 from dynreg.data.drafting.source import Source
-from dynreg.data.maps import LogMap, parse_map
+from dynreg.data.maps import DEFAULT_GAP, LogMap, parse_map
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.series import RawLog
 from dynreg.tomlfile import literal
 
 EPISODE_COLUMNS = ("episode", "episode_index", "episode_id", "run", "trial")
+PATIENT = 3.0  # usual steps of a slow log that are no gap
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,10 +65,17 @@ class Draft:
 def _head(log: RawLog, robot: str) -> list[str]:
     lines = [f"# Drafted from {' '.join(log.path.name.split())}: check every line.", "[map]"]
     lines.append(f"robot = {literal(robot)}" if robot else '# robot = "..."    # the name in robot.toml')
-    if "time_column" in log.metadata:
-        lines.append(f"time = {literal(log.metadata['time_column'])}")
-        lines.append(f"time_unit = {literal(log.metadata['time_unit'])}")
+    if log.counting is not None:
+        lines += [f"time = {literal(log.counting.column)}", _unit(log)]
     return lines
+
+
+def _unit(log: RawLog) -> str:
+    """The line of the clock's unit: a comment where neither the log's names nor its steps tell it."""
+    likely, *others = map(literal, likely_units(log))
+    if others:
+        return f"# time_unit = {likely}    # or {' or '.join(others)}: its steps do not tell which"
+    return f"time_unit = {likely}" + "    # by its steps: check it" * (log.counting.told == "steps")
 
 
 def _table(channel: ChannelSpec, source: Source | None) -> list[str]:
@@ -94,7 +103,10 @@ def _episodes(log: RawLog) -> list[str]:
     column = next((name for name in EPISODE_COLUMNS if name in every), None)
     if column is not None:
         return ["[episodes]", 'by = "column"', f"column = {literal(column)}"]
-    return ["[episodes]", 'by = "file"', 'name = "{stem}"']
+    step = usual_step(quickest(log))
+    slow = step > DEFAULT_GAP and len(likely_units(log)) < 2
+    gap = [f"gap = {literal(PATIENT * step, 3)}    # its rows come every {step:.3g} s"] if slow else []
+    return ["[episodes]", 'by = "file"', 'name = "{stem}"', *gap]
 
 
 def _unused(draft: Draft) -> list[str]:

@@ -10,10 +10,11 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from dynreg.data.clock_names import is_clock
 from dynreg.data.maps import odd_text
 from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.budget import Budget
-from dynreg.data.readers.columns import from_columns, is_clock, time_column
+from dynreg.data.readers.columns import from_columns, time_column
 from dynreg.data.readers.numbers import column, doubles, spelled
 from dynreg.data.readers.signals import MAX_ITEMS
 from dynreg.data.series import Finding, RawLog

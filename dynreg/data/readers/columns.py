@@ -9,44 +9,25 @@ from typing import Any
 
 import numpy as np
 
+from dynreg.data.clock_names import (
+    CLOCK_WORDS,
+    LONGER,
+    UNITS_OF_TIME,
+    is_clock,
+    likelihood,
+    longer_unit,
+    unit_at_end,
+)
+from dynreg.data.maps import odd_text
 from dynreg.data.readers import ReadOptions
 from dynreg.data.readers.numbers import doubles, seconds
 from dynreg.data.readers.signals import MAX_ITEMS
 from dynreg.data.series import Finding, RawLog, Series
 from dynreg.data.words import words
-from dynreg.errors import LogError, one_of
+from dynreg.errors import LISTED, LogError, MapError, one_of
 from dynreg.limits import limits, refuse
 
-# Of clocks, in small letters, the likeliest first. __time is PlotJuggler's, _time that of InfluxDB.
-TIME_NAMES = (
-    *("time", "timestamp", "t", "t_s", "time_s", "stamp", "timestamps", "times", "__time", "_time"),
-    *("header.stamp", "header/stamp", "header_stamp"),
-)
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-# Names that tell the unit, where the map tells none. The first is that of `rostopic echo -p`.
-UNIT_NAMES = {"%time": "ns"} | {
-    f"{name}_{unit}": unit for unit in ("s", "ms", "us", "ns") for name in ("time", "t", "timestamp", "stamp")
-}
-_USUAL = (*TIME_NAMES, *UNIT_NAMES)
-_CLOCKS = frozenset(
-    ("time", "times", "timestamp", "timestamps", "stamp", "stamps", "t")
-)  # words of other clocks
-_BRACKETED = re.compile(r"(?i:time|t|timestamp|stamp)\s*[\[(](s|ms|us|ns)[\])]")
-
-
-def stated_unit(name: str) -> str | None:
-    """The unit that the name of a clock states; None where it states none, or is no clock's.
-
-    >>> stated_unit("time_ms"), stated_unit("Time [s]"), stated_unit("time"), stated_unit("torque [ms]")
-    ('ms', 's', None, None)
-    """
-    found = _BRACKETED.fullmatch(name)
-    return found[1] if found else UNIT_NAMES.get(name.lower())
-
-
-def is_clock(name: str) -> bool:
-    """Whether a column's name is a usual one of a clock, in small letters or large ones."""
-    return name.lower() in _USUAL or stated_unit(name) is not None
+_DATED = re.compile(r"\d[/.:-]\d+[/.:-]\d|\d:\d")  # of dates and times of day in text
 
 
 def from_columns(
@@ -64,14 +45,19 @@ def from_columns(
 
     `names` are the columns that the table holds, where only some were read.
     A column is an array of numbers, dates or spans; one with empty cells is masked (numpy.ma), or NaN or NaT there.
-    Raises LogError where there is no time column, it holds no number, or all are more than may be kept.
+    Raises LogError and MapError as `time_column` does, LogError where its unit is not read or all are more than may be
+    kept.
     """
-    name = time_column(path, columns, options, names)
+    name = time_column(path, columns, options, names, labels)
     stamps = columns[name]
     if len(stamps) * len(columns) > limits().numbers:
         refuse(LogError, f"{path.name!r} asks for {len(stamps)} rows of columns", len(columns), "numbers")
     unit = _unit(name, options)
-    scale = TIME_UNITS[unit]
+    told = "map" if options.time_unit else "name" if unit_at_end(name) else ""
+    told = "dates" if stamps.dtype.kind in "mM" else told
+    if not told:
+        _require_unit(path, name)
+    scale = UNITS_OF_TIME[unit]
     time, start = seconds(stamps, scale) if len(stamps) else (np.empty(0), math.nan)
     if math.isnan(start):
         raise LogError(
@@ -84,51 +70,81 @@ def from_columns(
         for key, values in columns.items()
         if key != name
     }
+    clock = {"start": start, "time_column": name, "time_unit": unit, "time_unit_told": told}
     return RawLog(
         path,
         sources,
-        {**(metadata or {}), "start": start, "time_column": name, "time_unit": unit},
+        {**(metadata or {}), **clock},
         labels or {},
         findings,
         tuple(names) or tuple(columns),
     )
 
 
-def time_column(path: Path, columns: Collection[str], options: ReadOptions, names: Sequence[str] = ()) -> str:
-    """Name of the column that is the clock: the map's, else the likeliest of the usual names."""
-    usual = sorted(filter(is_clock, dict.fromkeys((*columns, *names))), key=_place)
+def time_column(
+    path: Path,
+    columns: Collection[str],
+    options: ReadOptions,
+    names: Sequence[str] = (),
+    labels: Mapping[str, np.ndarray] | None = None,
+) -> str:
+    """Name of the column that is the clock: the map's, else the likeliest of the usual names.
+
+    names : of all columns, where `columns` are those that hold numbers. labels : columns of text. Raises MapError where
+    the log lacks the map's clock, LogError where it has none or that holds no numbers.
+    """
+    usual = sorted(filter(is_clock, dict.fromkeys((*columns, *names))), key=likelihood)
     wanted = [options.time] if options.time else usual
     for name in wanted:
         if name in columns:
             return name
     held = next((name for name in wanted if name in names), None)
     if held is not None:
-        raise LogError(
-            f"{path.name!r}: the time column {held!r} does not hold numbers",
-            expected="numbers with a decimal point in every row below one header line",
-            do="export the log so: without a line of units, comments, decimal commas or a second header",
-        )
+        raise _no_numbers(path, held, (labels or {}).get(held))
+    every = [*(names or columns)]
     if options.time:
-        told = f"{path.name!r} has no time column {options.time!r}"
-    else:
-        told = f"{path.name!r} has no column that looks like time"
+        without = f", or leave it and `time_unit` out: {usual[0]!r} is then the clock" if usual else ""
+        raise MapError(
+            f"{path.name!r} has no column {options.time!r}, which the map names as the clock",
+            expected=f"a column of the log, {one_of(every, options.time)}",
+            do=f"correct `time` under [map]{without}",
+        )
     raise LogError(
-        told,
-        expected=f"a column of the file, {one_of([*(names or columns)], options.time or '')}",
-        do="rename it to time, or by its unit to time_ms, time_us or time_ns; where a map is asked for, "
-        'time = "..." under [map] names it too',
+        f"{path.name!r} has no column that looks like time among {len(every)}: {', '.join(map(repr, every[:LISTED]))}",
+        expected="one called time (in seconds), or time_ms, time_us or time_ns",
+        do='rename the clock so, or name it in a map: time = "..." under [map]. If the log has none and its rows come '
+        "evenly, add a column time: the number of the row times the seconds between two rows",
+    )
+
+
+def _no_numbers(path: Path, name: str, texts: np.ndarray | None) -> LogError:
+    """What is said of a clock that holds no numbers; `texts` are its cells, where these are text."""
+    first = "" if texts is None else f": {odd_text(texts)}"
+    dated = texts is None or _DATED.search(first)
+    return LogError(
+        f"{path.name!r}: the time column {name!r} does not hold numbers{first}",
+        expected="seconds in every row below one header line, with a decimal point, or dates such as "
+        "2026-11-29T09:01:02.500",
+        do="write the column so, with the fractions of a second by which the rows differ"
+        if dated
+        else "export the log so: without a line of units, comments, decimal commas or a second header",
     )
 
 
 def _unit(name: str, options: ReadOptions) -> str:
     """The unit of the clock of this name: the map's, else the one that its name states, else seconds."""
-    return options.time_unit or stated_unit(name) or _told_unit(name, "s")
+    return options.time_unit or unit_at_end(name) or "s"
 
 
-def _place(name: str) -> int:
-    """Where the name of a clock stands among the usual ones; a T comes last, for it may be a temperature."""
-    plain = name.lower()
-    return _USUAL.index(plain) if plain in _USUAL and name != "T" else len(_USUAL) + (name == "T")
+def _require_unit(path: Path, name: str) -> None:
+    """LogError where the name of a clock states a unit that is not read."""
+    longer = longer_unit(name)
+    if longer is not None:
+        raise LogError(
+            f"{path.name!r}: the time column {name!r} counts in {longer}, which is not read",
+            expected=f"one of {', '.join(UNITS_OF_TIME)}",
+            do=f"multiply it by {LONGER[longer]} and call it time_s",
+        )
 
 
 def spread(
@@ -173,7 +189,7 @@ def from_tables(
     log = from_columns(path, tables[clock], options, **told)
     logs = [log]
     for other, columns in others:
-        unit = _told_unit(other, _unit(clock, options))
+        unit = unit_at_end(other) or _unit(clock, options)
         logs.append(from_columns(path, columns, replace(options, time=other, time_unit=unit)))
     start = min(one.start for one in logs)
     sources = {
@@ -192,8 +208,8 @@ def _other_clocks(
     begin, end = _ends(own, unit)
     out = {}
     for name, array in arrays.items():
-        if array.ndim == 1 and 1 < len(array) != len(own) and not _CLOCKS.isdisjoint(words(name)):
-            first, last = _ends(array, _told_unit(name, unit))
+        if array.ndim == 1 and 1 < len(array) != len(own) and not CLOCK_WORDS.isdisjoint(words(name)):
+            first, last = _ends(array, unit_at_end(name) or unit)
             if np.all(np.diff(doubles(array)) >= 0) and first < last and first <= end and begin <= last:
                 out[name] = array
     return out
@@ -201,15 +217,9 @@ def _other_clocks(
 
 def _ends(stamps: np.ndarray, unit: str) -> tuple[float, float]:
     """The least and the largest of stamps [s]; NaN where there is none."""
-    times = doubles(stamps) * (1.0 if stamps.dtype.kind in "mM" else TIME_UNITS[unit])
+    times = doubles(stamps) * (1.0 if stamps.dtype.kind in "mM" else UNITS_OF_TIME[unit])
     times = times[np.isfinite(times)]
     return (float(times.min()), float(times.max())) if len(times) else (math.nan, math.nan)
-
-
-def _told_unit(name: str, usual: str) -> str:
-    """The unit at the end of a clock's name, as of cmd_time_ms; else the usual one."""
-    *_, last = "", *words(name)
-    return last if last in TIME_UNITS else usual
 
 
 def _shared(one: str, other: str) -> int:
@@ -232,7 +242,7 @@ def _left_out(name: str, key: str, array: np.ndarray, clock: str, rows: int) -> 
     """What is said of an array that has no clock; one that is short, as gains are, or a clock itself, is only told."""
     shape = f"{len(array)} values" if array.ndim == 1 else f"shape {array.shape}"
     where, told = f"{name}, {key}", f"{shape} for {rows} time stamps"
-    clocked = rows in array.shape[:2] or not _CLOCKS.isdisjoint(words(key))
+    clocked = rows in array.shape[:2] or not CLOCK_WORDS.isdisjoint(words(key))
     if clocked or max(array.shape) <= MAX_ITEMS:
         return Finding("info", "left_out", where, told)
     do = f"resample it onto {clock!r}, or store its clock beside it, such as {key}_time, that overlaps with {clock!r}"

@@ -39,7 +39,7 @@ def read(path: Path, options: ReadOptions, unpack: Unpack = bytes) -> RawLog:
             message = channel.decode(unpack(data))
             if message is not None:
                 topics.add(channel.topic, message, stamp, channel.kind)
-    log = topics.log(path, options.time != "log")
+    log = topics.log(path)
     names = sorted({channel.topic for channel in channels.values()})
     metadata = {**log.metadata, "messages_read": count, "messages_lost": 0, "topics": names}
     findings = [finding for channel in channels.values() for finding in channel.findings(path.name)]

@@ -56,7 +56,7 @@ def read(file: LogFile, options: ReadOptions, expected: int | None = None) -> Ra
             expected="ROS 2, ROS 1, JSON or protobuf messages",
             do="record it again, or convert it with `mcap recover`",
         )
-    log = topics.log(file.path, options.time != "log")
+    log = topics.log(file.path)
     told = {
         "messages_read": tally.read,
         "messages_lost": lost,

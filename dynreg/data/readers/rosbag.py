@@ -72,7 +72,7 @@ def _read_bag(path: Path, options: ReadOptions) -> RawLog:
             if message is not None:
                 topics.add(channel.topic, message, stamp, channel.kind)
         count = bag.message_count
-    log = topics.log(path, options.time != "log")
+    log = topics.log(path)
     names = sorted({channel.topic for channel in channels.values()})
     metadata = {**log.metadata, "messages_read": count, "messages_lost": 0, "topics": names}
     findings = [finding for channel in channels.values() for finding in channel.findings(path.name)]

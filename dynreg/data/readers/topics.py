@@ -13,6 +13,7 @@ from dynreg.data.readers.messages import FOREIGN_CLOCK, Topic, get, header_stamp
 from dynreg.data.readers.numbers import number
 from dynreg.data.readers.signals import MAX_ITEMS
 from dynreg.data.series import Finding, RawLog, Series
+from dynreg.errors import MapError
 
 TRAJECTORY = {
     "positions": "position",
@@ -60,8 +61,18 @@ class Topics:
             for at, point in plan.take(list(joints), points, _begins(message, stamp)):
                 self._topic(f"{name}.point").add(point, at)
 
-    def log(self, path: Path, use_header: bool) -> RawLog:
-        """All topics on one clock that starts with the first message."""
+    def log(self, path: Path) -> RawLog:
+        """All topics on one clock that starts with the first message.
+
+        Raises MapError where the map names a column as that clock.
+        """
+        if self._options.time not in (None, "log"):
+            raise MapError(
+                f"{path.name!r} is a log of messages, and the map names column {self._options.time!r} as its clock",
+                expected='time = "log", the recorder\'s stamps, or none: those in headers',
+                do="leave `time` under [map] out",
+            )
+        use_header = self._options.time != "log"
         for name, plan in self._plans.items():
             for at, point in plan.rest():
                 self._topic(f"{name}.point").add(point, at)
