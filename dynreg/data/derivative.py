@@ -14,6 +14,7 @@ GRID_LIMIT = 200_000  # rows; beyond it a grid far denser than the log is taken 
 # off by 0.04 rad/s, all of them by 0.3.
 DOUBTED = 6.0
 MATTERS = 0.05
+MOST = 0.5  # share of the rows in doubt from which on it is the filter that is wrong
 
 
 def derivative(series: Series, filter_hz: float | None) -> Series:
@@ -21,9 +22,10 @@ def derivative(series: Series, filter_hz: float | None) -> Series:
 
     The filter (order 2, run forwards and backwards: order 4 and no lag) acts on a uniform grid at the median period, so
     irregular stamps are first interpolated. Rows without a finite value are left out, and of equal stamps all rows but
-    the last. Where the signal is silent for longer than can be filled in (`gaps.silences`) there is no rate: NaN. Nor is
-    there one where the signal turns too sharply for the filter, or for differences: a replay that began there would
-    begin too fast, or too slow. `error` is 1 sigma of what the filter took away elsewhere.
+    the last. Where the signal is silent for longer than can be filled in (`gaps.silences`) there is no rate: NaN. Nor
+    is there one where the signal turns too sharply for the filter, or for differences: a replay that began there would
+    begin too fast, or too slow. Where that is most of the signal the filter is wrong, and the rates stay. `error` is
+    1 sigma of what the filter took away from those that are told.
     Raises LogError where `filter_hz` is not below half the sampling rate.
     """
     nothing = np.unique(series.time[~np.isfinite(series.values)])
@@ -72,9 +74,11 @@ def _trusted(
     rate = rough if smooth is None else smooth
     away = _of_three(time, rough, period) if smooth is None else rough - smooth
     doubted = np.abs(away) > max(DOUBTED * noise, MATTERS * np.sqrt(np.mean(rate**2)))
-    doubted = np.convolve(doubted, np.ones(3), "same") > 0  # where it leaps, both rates are the mean of both sides
-    left = away[~doubted]
-    return np.where(doubted, np.nan, rate), float(np.sqrt(np.mean(left**2))) if len(left) else 0.0
+    doubted = (
+        np.convolve(doubted, np.ones(3), "same") > 0
+    )  # where it leaps, both rates are the mean of both sides
+    doubted &= doubted.mean() < MOST
+    return np.where(doubted, np.nan, rate), float(np.sqrt(np.mean(away[~doubted] ** 2)))
 
 
 def _of_three(time: np.ndarray, rate: np.ndarray, period: float) -> np.ndarray:

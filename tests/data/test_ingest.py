@@ -327,9 +327,7 @@ def test_no_rate_is_told_where_a_signal_turns_too_sharply(filter_hz: float | Non
     assert found.error < 0.1
 
 
-def test_a_row_whose_rate_is_not_known_stays_unknown(
-    write_table: Callable, servo_spec: RecordingSpec
-):
+def test_a_row_whose_rate_is_not_known_stays_unknown(write_table: Callable, servo_spec: RecordingSpec):
     log, speed = stepping(5e-4)
     text = '[channels."arm/position"]\nsource = "arm/position"\n[channels."arm/velocity"]\n'
     text += 'derivative_of = "arm/position"\nfilter_hz = 10\n[channels."arm/target"]\nsource = "arm/target"\n'
@@ -339,7 +337,9 @@ def test_a_row_whose_rate_is_not_known_stays_unknown(
     velocity = episode.values[:, recording.names.index("arm/velocity")]
     lost = np.isnan(velocity)
     assert lost[np.flatnonzero(np.diff(speed)) + 1].all() and lost.mean() < 0.2
-    findings = [f for f in recording.provenance["findings"] if f["check"] == "rate" and "known" in f["message"]]
+    findings = [
+        f for f in recording.provenance["findings"] if f["check"] == "rate" and "known" in f["message"]
+    ]
     (told,) = findings
     assert (told["severity"], told["message"][:13]) == ("info", f"{lost.sum()} of 500 rat")
     found = {f["check"] for f in recording.provenance["findings"] if f["severity"] == "warning"}
