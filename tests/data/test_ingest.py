@@ -327,6 +327,12 @@ def test_no_rate_is_told_where_a_signal_turns_too_sharply(filter_hz: float | Non
     assert found.error < 0.1
 
 
+def test_rates_stay_where_a_filter_is_too_slow_for_all_of_a_signal():
+    time = np.arange(500) / 50.0
+    found = derivative(Series(time, np.sin(2 * np.pi * 5.0 * time)), 1.0)
+    assert np.isfinite(found.values).all() and found.error > 10.0  # of a rate of 31 rad/s at most
+
+
 def test_a_row_whose_rate_is_not_known_stays_unknown(write_table: Callable, servo_spec: RecordingSpec):
     log, speed = stepping(5e-4)
     text = '[channels."arm/position"]\nsource = "arm/position"\n[channels."arm/velocity"]\n'
