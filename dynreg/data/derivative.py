@@ -1,5 +1,8 @@
 """The rate of a logged signal, for channels that a log does not hold."""
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 
 from dynreg.data.gaps import silent
@@ -14,6 +17,8 @@ GRID_LIMIT = 200_000  # rows; beyond it a grid far denser than the log is taken 
 # off by 0.04 rad/s, all of them by 0.3.
 DOUBTED = 6.0
 MATTERS = 0.05
+EQUAL = 1e-9  # of the largest value: a smaller step is none, but an error of rounding
+SURE = 1.3  # times the variance of noise that the filter takes away, beyond which it took motion, too
 MOST = 0.5  # share of the rows in doubt from which on it is the filter that is wrong
 
 
@@ -25,18 +30,20 @@ def derivative(series: Series, filter_hz: float | None) -> Series:
     the last. Where the signal is silent for longer than can be filled in (`gaps.silences`) there is no rate: NaN. Nor
     is there one where the signal turns too sharply for the filter, or for differences: a replay that began there would
     begin too fast, or too slow. Where that is most of the signal the filter is wrong, and the rates stay. `error` is
-    1 sigma of what the filter took away from those that are told.
+    1 sigma of that of the rates that are told: the noise that the filter leaves, and the motion that it takes away.
     Raises LogError where `filter_hz` is not below half the sampling rate.
     """
     nothing = np.unique(series.time[~np.isfinite(series.values)])
     series = clean(series)
     time, values = series.time, series.values
     if len(time) < 3:
-        return Series(time, np.full(len(time), np.nan), series.unit, error=0.0)
+        return Series(time, np.full(len(time), np.nan), series.unit, error=np.nan)
     period = float(np.median(np.diff(time)))
     if filter_hz is None:
         empty = nothing[silent(time, nothing)]
-        slope, error = _trusted(time, values, None, period)
+        rough = np.gradient(values, time)
+        told = _Told(values, rough, _of_three(time, rough, period), np.sqrt(0.5) / period, period)
+        slope, error = np.where(told.doubted, np.nan, rough), told.error
         slope = np.concatenate([slope, np.full(len(empty), np.nan)])
         every = np.concatenate([time, empty])
         order = np.argsort(every, kind="stable")
@@ -57,28 +64,69 @@ def derivative(series: Series, filter_hz: float | None) -> Series:
     grid = time[0] + period * np.arange(rows)
     even = np.interp(grid, time, values)
     smooth = np.gradient(_smooth(even, filter_hz, period), period)
-    slope, error = _trusted(grid, even, smooth, period)
-    return Series(grid, np.where(silent(time, grid), np.nan, slope), series.unit, error)
+    made_up = silent(time, grid)
+    passed = _passed(filter_hz, period)
+    told = _Told(
+        even[~made_up], smooth[~made_up], (np.gradient(even, period) - smooth)[~made_up], passed, period
+    )
+    unknown = made_up.copy()
+    unknown[~made_up] = told.doubted
+    return Series(grid, np.where(unknown, np.nan, smooth), series.unit, told.error)
 
 
-def _trusted(
-    time: np.ndarray, values: np.ndarray, smooth: np.ndarray | None, period: float
-) -> tuple[np.ndarray, float]:
-    """The rate (T,) of `values`, NaN where it is in doubt, and 1 sigma of what was taken away from it elsewhere.
+@dataclass(frozen=True, eq=False)
+class _Told:
+    """What rates tell of `values` (T,), and how well.
 
-    smooth : the rate to trust. None trusts differences, which are then held against their mean of three rows.
+    rate : (T,). away : (T,) what the rate lacks of a rougher one, or of its own neighbours. passed : noise of the rate
+    for each unit of noise of the values [1/s].
     """
-    rough = np.gradient(values, time)
-    third = np.diff(values, 3) / np.sqrt(20.0)  # of which noise alone is left
-    noise = 1.4826 * np.median(np.abs(third)) / (np.sqrt(2.0) * period) if len(third) else 0.0
-    rate = rough if smooth is None else smooth
-    away = _of_three(time, rough, period) if smooth is None else rough - smooth
-    doubted = np.abs(away) > max(DOUBTED * noise, MATTERS * np.sqrt(np.mean(rate**2)))
-    doubted = (
-        np.convolve(doubted, np.ones(3), "same") > 0
-    )  # where it leaps, both rates are the mean of both sides
-    doubted &= doubted.mean() < MOST
-    return np.where(doubted, np.nan, rate), float(np.sqrt(np.mean(away[~doubted] ** 2)))
+
+    values: np.ndarray
+    rate: np.ndarray
+    away: np.ndarray
+    passed: float
+    period: float
+
+    @cached_property
+    def noise(self) -> float:
+        """1 sigma of the noise of the values, by third differences; no less than that of an encoder's steps."""
+        if len(self.values) < 4:
+            return 0.0
+        steps = np.abs(np.diff(self.values))
+        steps = steps[steps > EQUAL * np.abs(self.values).max()]
+        rounded = len(steps) and 2 * len(np.unique(np.round(self.values, 12))) <= len(self.values)
+        step = np.percentile(steps, 1) if rounded else 0.0
+        third = np.median(np.abs(np.diff(self.values, 3)))
+        return float(max(1.4826 * third / np.sqrt(20.0), step / np.sqrt(12.0)))
+
+    @cached_property
+    def doubted(self) -> np.ndarray:
+        """(T,) where more is missing than noise explains; nowhere, if that is most of the rows."""
+        rough = self.noise * np.sqrt(0.5) / self.period
+        usual = np.sqrt(np.mean(self.rate**2)) if len(self.rate) else 0.0
+        found = np.abs(self.away) > max(DOUBTED * rough, MATTERS * usual)
+        found = (
+            np.convolve(found, np.ones(3), "same") > 0
+        )  # where it leaps, both rates are the mean of both sides
+        return found & (found.mean() < MOST) if len(found) else found
+
+    @property
+    def error(self) -> float:
+        """1 sigma of the error of the rates that are not doubted; NaN where there are none."""
+        away = self.away[~self.doubted]
+        if not len(away):
+            return np.nan
+        left, rough = self.noise * self.passed, self.noise * np.sqrt(0.5) / self.period
+        taken = max(float(np.mean(away**2)) - SURE * max(rough**2 - left**2, 0.0), 0.0)
+        return float(np.sqrt(left**2 + taken))
+
+
+def _passed(filter_hz: float, period: float) -> float:
+    """Noise of a filtered rate for each unit of noise of its signal [1/s]: the size of the answer to an impulse."""
+    impulse = np.zeros(2 * round(2.0 / (filter_hz * period)) + 101)
+    impulse[len(impulse) // 2] = 1.0
+    return float(np.linalg.norm(np.gradient(_smooth(impulse, filter_hz, period), period)))
 
 
 def _of_three(time: np.ndarray, rate: np.ndarray, period: float) -> np.ndarray:

@@ -59,8 +59,8 @@ class Series:
     time : (T,) seconds since the log's first stamp. Not yet checked: it may stop or run back.
     values : (T,) float64; NaN where the log holds none.
     unit : the unit that the log itself states, or None.
-    error : 1 sigma of that of a rate which was computed from another signal, in its unit; None of what was logged. What
-        a rate does not tell is not filled in by the rows beside it.
+    error : of a rate that was computed from another signal, 1 sigma in its unit, NaN where that is not known; None of
+        what was logged. What a rate does not tell is not filled in by the rows beside it.
     """
 
     time: np.ndarray

@@ -2,7 +2,8 @@
 
 An embedding is linear in what a model predicts on shared probes. What a model misses on the rows of a recording is
 nearly linear in its embedding: a ridge map, fitted to the entries that were judged so far, foresees it for the others.
-Those that are foreseen to miss least are judged next, and the map is fitted again with them.
+Where it is not, a Gaussian process does. Those that are foreseen to miss least are judged next, and some that lie
+beside the best. Then all is foreseen again.
 """
 
 from collections.abc import Callable
@@ -19,20 +20,26 @@ AROUND = 8  # of the best, whose mean place says which others are worth foreseei
 # 1 counts as 1, or one that misses nearly nothing would leave none to learn from. With 5 and with 10 searches by
 # cross-loss find the same.
 FAR = 10.0
+BEST = 3  # of the judged, whose neighbours by place are judged beside those that are foreseen
+
+Foresee = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+"""What the entries (n,) will miss, (n,), by what the judged ones (m,) missed, (m, F)."""
 
 
 @dataclass(frozen=True)
 class Effort:
     """How a search spends its judgements.
 
-    least : entries that are judged in any case. near : of the others, so many are foreseen. ridge : in units of the
-    variance of a place, summed over its coordinates. each : entries that are judged before the map is fitted again.
+    foresee : by the places (M, D') of all entries gives what foresees. least : entries that are judged in any case.
+    near : of the others, so many are foreseen, those nearest to the best. each : entries that are judged before all is
+    foreseen again. beside : of these, so many are those next to the best.
     """
 
+    foresee: Callable[[np.ndarray], Foresee]
     least: int
-    near: int
-    ridge: float
+    near: int = 2**31
     each: int = 32
+    beside: int = 0
 
 
 Missed = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -48,6 +55,7 @@ def seek(places: np.ndarray, missed: Missed, wanted: int, first: np.ndarray, eff
     places : (M, D') what is known of all entries, their embeddings. first : (m,) those that are judged first.
     """
     places, new = np.asarray(places, dtype=np.float32), np.unique(first)
+    foresee = effort.foresee(places)
     ids, far, misses = new[:0], np.zeros(0), np.zeros((0, 0), dtype=np.float32)
     left = np.ones(len(places), dtype=bool)
     best, settled = far, 0
@@ -60,7 +68,7 @@ def seek(places: np.ndarray, missed: Missed, wanted: int, first: np.ndarray, eff
         settled = settled + 1 if np.array_equal(before, best) and np.isfinite(best[0]) else 0
         if len(ids) >= max(effort.least, wanted) and settled >= SETTLED:
             break
-        new = _next(places, ids, misses, far, np.flatnonzero(left), effort)
+        new = _next(places, ids, misses, far, np.flatnonzero(left), effort, foresee)
     return in_order(ids, far, len(ids))
 
 
@@ -71,6 +79,7 @@ def _next(
     far: np.ndarray,
     others: np.ndarray,
     effort: Effort,
+    foresee: Foresee,
 ) -> np.ndarray:
     """Those of `others` that are foreseen to miss least, by what the judged `ids` (m,) missed (m, F)."""
     sound = far < FAR * max(1.0, far.min(initial=np.inf))
@@ -78,22 +87,71 @@ def _next(
         return others[: effort.each]
     if not sound.all():
         ids, misses, far = ids[sound], misses[sound], far[sound]
-    centre = places[ids[np.argsort(far, kind="stable")[:AROUND]]].mean(axis=0)
-    apart = np.square(places[others] - centre).sum(axis=1)
-    near = others[np.sort(np.argsort(apart, kind="stable")[: effort.near])]
-    foreseen = _foreseen(places[ids], misses, places[near], effort.ridge)
-    return np.sort(near[np.argsort(foreseen, kind="stable")[: effort.each]])
+    near, best = others, places[ids[np.argsort(far, kind="stable")[:AROUND]]]
+    if effort.near < len(others):
+        apart = np.square(places[others] - best.mean(axis=0)).sum(axis=1)
+        near = others[np.sort(np.argsort(apart, kind="stable")[: effort.near])]
+    order = near[np.argsort(foresee(ids, misses, near), kind="stable")]
+    foreseen, rest = np.split(order, [effort.each - effort.beside])
+    if effort.beside:
+        apart = np.square(places[rest][:, None] - best[:BEST]).sum(axis=2).min(axis=1)
+        foreseen = np.append(foreseen, rest[np.argsort(apart, kind="stable")[: effort.beside]])
+    return np.sort(foreseen)
 
 
-def _foreseen(known: np.ndarray, misses: np.ndarray, places: np.ndarray, ridge: float) -> np.ndarray:
-    """(n,) sums of absolute misses at these places (n, D'), by ridge from those `known` (m, D') with theirs (m, F)."""
-    import torch
+def linear(ridge: float) -> Callable[[np.ndarray], Foresee]:
+    """Sums of absolute misses, by a ridge map. ridge : in units of the variance of a place, summed over coordinates."""
 
-    x, y, z = (torch.from_numpy(np.ascontiguousarray(a)) for a in (known, misses, places))
-    middle, level = x.mean(0), y.mean(0)
-    x = x - middle
-    gram = x.T @ x
-    gram.diagonal().add_(ridge * gram.trace() / len(x) + 1e-9)
-    # the level of y falls out, for x is centred; gram is small and well conditioned by its ridge: its inverse does
-    slope = torch.linalg.inv(gram) @ (x.T @ y)
-    return torch.addmm(level, z - middle, slope).abs_().sum(1).numpy()
+    def mapped(places: np.ndarray) -> Foresee:
+        import torch
+
+        def foresee(ids: np.ndarray, misses: np.ndarray, others: np.ndarray) -> np.ndarray:
+            x, y, z = (
+                torch.from_numpy(np.ascontiguousarray(a)) for a in (places[ids], misses, places[others])
+            )
+            middle, level = x.mean(0), y.mean(0)
+            x = x - middle
+            gram = x.T @ x
+            gram.diagonal().add_(ridge * gram.trace() / len(x) + 1e-9)
+            # the level of y falls out, for x is centred; gram is small and well conditioned by its ridge: its inverse
+            # does
+            slope = torch.linalg.inv(gram) @ (x.T @ y)
+            return torch.addmm(level, z - middle, slope).abs_().sum(1).numpy()
+
+        return foresee
+
+    return mapped
+
+
+def gaussian(reach: float, noise: float, slope: float) -> Callable[[np.ndarray], Foresee]:
+    """The mean of a Gaussian process of misses (m, 1), by a squared exponential and a linear kernel.
+
+    reach : of the first, in units of places. noise : variance of a miss about the mean, and slope : weight of the
+    second kernel, both in units of the variance of misses.
+    """
+
+    def process(places: np.ndarray) -> Foresee:
+        import torch
+
+        every = torch.from_numpy(places)
+        size = every.square().sum(1)
+        rows: dict[int, torch.Tensor] = {}  # (M,) how much each entry is like one that was judged
+
+        def foresee(ids: np.ndarray, misses: np.ndarray, others: np.ndarray) -> np.ndarray:
+            new = np.array([i for i in ids.tolist() if i not in rows], dtype=np.int64)
+            together = every[new] @ every.T
+            apart = (size[new][:, None] + size - 2.0 * together).clamp_min_(0.0)
+            rows.update(
+                zip(new.tolist(), apart.mul_(-0.5 / reach**2).exp_().add_(together, alpha=slope), strict=True)
+            )
+            alike = torch.stack([rows[i] for i in ids.tolist()])
+            missed = torch.from_numpy(misses[:, 0]).double()
+            level, spread = missed.mean(), missed.std(correction=0).clamp_min(1e-12)
+            gram = alike[:, ids].double()
+            gram.diagonal().add_(noise)
+            weight = torch.cholesky_solve(((missed - level) / spread)[:, None], torch.linalg.cholesky(gram))
+            return (weight[:, 0].float() @ alike)[others].numpy()
+
+        return foresee
+
+    return process

@@ -9,7 +9,7 @@ more of them, so the search knows of each entry how long its links are, beside i
 import numpy as np
 
 from dynreg.distance.cross_loss import JUDGED_ON, CrossLoss
-from dynreg.distance.foreseen import Effort, seek
+from dynreg.distance.foreseen import Effort, gaussian, seek
 from dynreg.distance.query import DistanceQuery, Ranked, in_order
 from dynreg.distance.rows import thin
 from dynreg.errors import UsageError
@@ -19,9 +19,9 @@ from dynreg.models.threads import single_threaded
 from dynreg.rng import stream
 
 HUBS, LIKE, RANDOM = 32, 16, 16  # entries that are judged first: hubs, the nearest by embedding, any
-# How much the length of an entry's links, over its median, counts beside its own loss and its whole embedding. No other
-# weight that was tried finds more of the nearest quadrupeds.
-HUB_WEIGHT = 3.0
+EMBEDDED = (
+    2.0  # spread of embeddings beside what else is known of entries: with 1 or 4 the search finds no more
+)
 TINY = 1e-12  # smaller own losses, links and distances count as this
 
 
@@ -32,7 +32,7 @@ def effort(entries: int) -> Effort:
     0.98 with 190. Among the 3,500 of 10,000: 0.90 with 418 judged; a walk over the graph 0.63 with 568, 0.73 with 760.
     Among 4,000 servos 1.00 with 416. A ridge of 0.3 finds 0.98 there, and as much of quadrupeds.
     """
-    return Effort(least=round(250 * (entries / 400) ** 0.22), near=2**31, ridge=0.1)
+    return Effort(gaussian(reach=3.0, noise=0.3, slope=0.1), least=round(250 * (entries / 400) ** 0.22))
 
 
 def held_out(asked: DistanceQuery) -> Ranked:
@@ -102,7 +102,7 @@ def _sought(asked: DistanceQuery, to: To, own: np.ndarray) -> Ranked:
         return np.log(np.maximum(far, TINY) / TINY)[:, None].astype(np.float32), far
 
     found = seek(
-        places(vectors, own[allowed], hub),
+        places(vectors, own[allowed], hub, like),
         missed,
         max(asked.wanted, asked.at_least),
         np.concatenate(starts),
@@ -111,16 +111,18 @@ def _sought(asked: DistanceQuery, to: To, own: np.ndarray) -> Ranked:
     return Ranked(allowed[found.order], found.distance, found.evaluations)
 
 
-def places(vectors: np.ndarray, own: np.ndarray, hub: np.ndarray) -> np.ndarray:
-    """(M, D' + 2) what a search knows of entries: embeddings (M, D'), own losses (M,) and lengths of links (M,).
+def places(vectors: np.ndarray, own: np.ndarray, hub: np.ndarray, like: np.ndarray) -> np.ndarray:
+    """(M, D' + 3) what a search knows of entries: embeddings (M, D'), own losses (M,), lengths of links (M,), and how
+    far they are by embedding (M,), squared.
 
-    Own losses count by their logarithms: the search foresees logarithms of distances, which fall as own losses rise.
+    Embeddings have a spread of `EMBEDDED`, summed over coordinates; each of the others has one of 1. Own losses count
+    by their logarithms: the search foresees logarithms of distances, which fall as own losses rise.
     """
     sound = np.isfinite(vectors).all(axis=1)  # a model that predicts no number must not hide the others
-    spread = np.sqrt(vectors[sound].var(axis=0).sum()) + 1e-9
-    return np.column_stack(
-        [vectors / spread, np.log(own + TINY), HUB_WEIGHT * hub / max(float(np.median(hub)), TINY)]
-    )
+    centre, spread = vectors[sound].mean(axis=0), np.sqrt(vectors[sound].var(axis=0).sum()) + 1e-9
+    rest = np.column_stack([np.log(own + TINY), hub, like])
+    middle, size = rest[sound].mean(axis=0), rest[sound].std(axis=0) + TINY
+    return np.column_stack([(vectors - centre) * (EMBEDDED / spread), (rest - middle) / size])
 
 
 def link_lengths(graph: Graph) -> np.ndarray:

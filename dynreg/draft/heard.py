@@ -186,14 +186,16 @@ def require_clocks(told: Heard, log: RawLog) -> None:
 def sensed(series: Series, unit: str) -> Sensed | None:
     """Noise and quantum of a channel by the moments at which it moves least; None for too few samples.
 
-    Of a rate that was computed it is the error of that: where it moves least the filter left no noise.
+    Of a rate that was computed it is the error of that: where it moves least, a filter leaves no noise to be seen.
     """
     values = series.values[np.isfinite(series.values)]
     if len(values) < 3 * BLOCK:
         return None
     if series.error is not None:
-        noise = max(series.error, LEAST.get(unit, 1e-6))
-        return Sensed(float(f"{noise:.2g}"), 0.0, "what a filter takes away from differences", False)
+        noise = max(np.nan_to_num(series.error), LEAST.get(unit, 1e-6))
+        return Sensed(
+            float(f"{noise:.2g}"), 0.0, "by the noise of positions and what the filter takes away", False
+        )
     quantum = _quantum(values)
     sizes = [_unsteady(values, order) for order in ORDERS]
     flat = (a for a, b in zip(sizes, sizes[1:], strict=False) if b > FLAT * a)  # motion falls, noise stays

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from dynreg.distance.foreseen import Effort, seek
-from dynreg.distance.linked import HUB_WEIGHT, effort, link_lengths, places
+from dynreg.distance.foreseen import Effort, gaussian, linear, seek
+from dynreg.distance.linked import EMBEDDED, effort, link_lengths, places
 from dynreg.index import Graph, GraphSettings
 from dynreg.rng import stream
 
@@ -34,7 +34,13 @@ class Planted:
 
     def found(self, wanted: int = 1, n: int = N):
         first = stream(0, "seek").permutation(n)[:32]
-        return seek(self.vectors[:n], self.missed, wanted, first, Effort(least=160, near=500, ridge=1.0))
+        return seek(
+            self.vectors[:n],
+            self.missed,
+            wanted,
+            first,
+            Effort(linear(ridge=1.0), least=160, near=500, beside=8),
+        )
 
 
 @pytest.mark.parametrize("lost, lost_as", [(0.0, np.nan), (0.5, np.nan), (0.5, 1e4)])
@@ -98,18 +104,45 @@ def test_an_entry_whose_model_predicts_no_number_leaves_the_places_of_the_others
     lost = vectors.copy()
     lost[7] = np.nan
     others = np.arange(20) != 7
-    right = places(vectors[others], own[others], own[others])
-    np.testing.assert_array_equal(places(lost, own, own)[others], right)
+    right = places(vectors[others], own[others], own[others], own[others])
+    np.testing.assert_array_equal(places(lost, own, own, own)[others], right)
 
 
 def test_a_place_tells_the_embedding_the_logarithm_of_the_own_loss_and_the_length_of_links():
     vectors, rng = Planted(6).vectors[:9], stream(6, "own losses and hubs")
     own, hub = np.exp(rng.normal(size=9)), rng.uniform(1.0, 2.0, 9)
-    found = places(vectors, own, hub)
-    np.testing.assert_allclose(found[:, :-2].var(axis=0).sum(), 1.0)
-    np.testing.assert_allclose(found[:, -2], np.log(own), rtol=1e-6)
-    np.testing.assert_allclose(np.median(found[:, -1]), HUB_WEIGHT)
-    np.testing.assert_allclose(found, places(vectors, own, 7.0 * hub), err_msg="whatever the unit of lengths")
+    like = rng.uniform(size=9)
+    found = places(vectors, own, hub, like)
+    np.testing.assert_allclose(found[:, :-3].var(axis=0).sum(), EMBEDDED**2)
+    for column, told in zip(found[:, -3:].T, (np.log(own), hub, like), strict=True):
+        np.testing.assert_allclose(column, (told - told.mean()) / told.std(), rtol=1e-6)
+    np.testing.assert_allclose(
+        found, places(vectors, own, 7.0 * hub, like), err_msg="whatever the unit of lengths"
+    )
+
+
+def test_a_process_foresees_what_is_not_linear():
+    rng = stream(7, "bumps")
+    places = rng.uniform(-1.0, 1.0, size=(1500, 3)).astype(np.float32)
+    missed = np.log(0.1 + np.square(places).sum(axis=1))[:, None].astype(np.float32)
+    ids, others = np.arange(300), np.arange(300, 1500)
+    foresee = gaussian(reach=1.0, noise=0.01, slope=0.1)(places)
+    for many in (200, 300):  # the second time it knows more
+        found = foresee(ids[:many], missed[:many], others)
+        assert np.corrcoef(found, missed[others, 0])[0, 1] > 0.97
+    np.testing.assert_allclose(
+        found, gaussian(1.0, 0.01, 0.1)(places)(ids, missed[ids], others), rtol=1e-4, atol=1e-4
+    )
+    flat = linear(ridge=1e-6)(places)(ids, missed[ids], others)
+    assert abs(np.corrcoef(flat, np.abs(missed[others, 0]))[0, 1]) < 0.5
+    bowl = seek(
+        places,
+        lambda at: (missed[at], np.exp(missed[at, 0])),
+        5,
+        ids[:32],
+        Effort(gaussian(1.0, 0.01, 0.1), least=96),
+    )
+    assert set(np.argsort(missed[:, 0])[:5]) <= set(bowl.order[:5])
 
 
 def test_the_length_of_an_entrys_links_is_the_median_of_those_that_were_measured():

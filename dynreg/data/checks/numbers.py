@@ -12,6 +12,8 @@ TURNS = 20.0  # [rad] an angle beyond this without stated limits is worth a word
 BEYOND = 5.0  # times its limit: no scatter, another unit
 GLITCHES = 0.01  # share of a joint's positions that may be anything, as where a bus fails
 LIMIT_MARGIN = 0.01  # share of the range
+MANY = 0.25  # share of a log's rates that nobody misses without a word
+VAGUE = 0.5  # of the usual size of a rate: an error beyond it leaves little to begin a replay with
 WRAPPED = 0.3  # [rad] what is left of a step by a whole turn
 
 
@@ -29,13 +31,28 @@ def check_numbers(
         return
     if dropped is not None and len(dropped):
         bad &= ~np.isin(series.time, dropped)
-    if bad.any() and series.error is not None:
-        text = f"{int(bad.sum())} of {len(bad)} rates are not known: the signal turns too sharply there, or is silent"
-        yield Finding("info", "rate", where, text)
+    if series.error is not None:
+        yield from _check_rate(series, where, bad)
     elif bad.any():
         row = int(np.argmax(bad))
         text = f"{int(bad.sum())} of {len(bad)} values are NaN or infinite; they are left out"
         yield Finding("warning", "nan", f"{where}, row {row}, {series.time[row]:.3f} s", text)
+
+
+def _check_rate(series: Series, where: str, unknown: np.ndarray) -> Iterator[Finding]:
+    """A rate that was computed, of which the rows (T,) `unknown` are not told, and which may be of little use."""
+    size = float(np.sqrt(np.mean(series.values[~unknown] ** 2)))
+    if unknown.any():
+        lost = f"{unknown.sum()} of {len(unknown)} rates are not known"
+        text = f"{lost}: the signal turns too sharply there, or is silent"
+        much = unknown.mean() > MANY
+        text += "; raise filter_hz in the map, if it has one, or log faster" if much else ""
+        yield Finding("warning" if much else "info", "rate", where, text)
+    if series.error > VAGUE * size:
+        text = f"its rates of {size:.2g} (rms) are off by {series.error:.2g} (1 sigma)"
+        yield Finding(
+            "warning", "rate", where, f"{text}; change filter_hz in the map, or log a measured velocity"
+        )
 
 
 def check_spikes(series: Series, where: str, table: str) -> Iterator[Finding]:
