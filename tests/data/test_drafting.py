@@ -378,3 +378,35 @@ def test_an_acceleration_is_no_velocity(tmp_path: Path):
     log = table(tmp_path, q_arm=np.sin(t), q_ddot_arm=-np.sin(t))
     draft = draft_map(log, spec_of(("arm/position", "rad", "state"), ("arm/velocity", "rad/s", "state")))
     assert draft.sources["arm/velocity"].keys["derivative_of"] == "arm/position"
+
+
+@pytest.mark.parametrize("column", ["left", "left_deg", "left [deg]", "left_state"])
+def test_a_bare_name_of_a_joint_is_its_position_and_nothing_else(column: str, tmp_path: Path):
+    """One signal serves one channel: the velocity is derived, and no torque is measured."""
+    t = 0.01 * np.arange(300)
+    log = table(tmp_path, **{"left_ref": np.sin(t), column: np.sin(t)})
+    kinds = (("position", "rad", "state"), ("velocity", "rad/s", "state"), ("target", "rad", "action"))
+    draft = draft_map(log, spec_of(*((f"left/{what}", unit, kind) for what, unit, kind in kinds)))
+    assert draft.sources["left/position"].keys["source"] == column
+    assert draft.sources["left/velocity"].keys["derivative_of"] == "left/position"
+    assert draft.sources["left/target"].keys["source"] == "left_ref"
+    assert not draft_map(log, spec_of(("left/torque", "N*m", "state"))).sources
+
+
+def test_the_unit_of_a_bare_name_tells_what_it_measures(tmp_path: Path):
+    log = table(
+        tmp_path, **{"arm [rad/s]": np.arange(5.0), "leg_rpm": np.arange(5.0), "toe [N]": np.arange(5.0)}
+    )
+    units = {"arm": ("velocity", "rad/s"), "leg": ("velocity", "rad/s"), "toe": ("torque", "N")}
+    spec = spec_of(*((f"{joint}/{what}", unit, "state") for joint, (what, unit) in units.items()))
+    assert draft_map(log, spec).missing == ()
+    positions = spec_of(*((f"{joint}/position", "rad", "state") for joint in units))
+    assert not draft_map(log, positions).sources
+
+
+def test_flags_and_inputs_may_share_a_signal_where_states_do_not(tmp_path: Path):
+    log = table(tmp_path, enable=np.ones(5), pos=np.arange(5.0))
+    flags = [(f"{joint}/enable", "1", "enable") for joint in "ab"]
+    assert {s.keys["source"] for s in draft_map(log, spec_of(*flags)).sources.values()} == {"enable"}
+    twice = spec_of(("arm/position", "rad", "state"), ("arm/angle", "rad", "state"))
+    assert [*draft_map(log, twice).sources] == ["arm/position"]

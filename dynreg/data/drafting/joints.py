@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 
 from dynreg.data.drafting.offers import Offer
 from dynreg.data.drafting.source import Source, best
-from dynreg.data.drafting.units import KINDS
-from dynreg.data.names import joint_of, parts_of, quantity_of
+from dynreg.data.drafting.units import KINDS, bare
+from dynreg.data.names import joint_of, quantity_of
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.words import core, quantity, strange, without, words
 
+Named = Sequence[tuple[Offer, tuple[str, ...]]]  # offers that name a joint, and the words beside its name
 Owned = Mapping[str, list[tuple[Offer, tuple[str, ...]]]]
 
 
@@ -95,13 +96,16 @@ def unread(offers: Sequence[Offer], chosen: Mapping[str, Offer], also: Mapping[s
     }
 
 
-def of_joint(owned: Owned, channel: ChannelSpec, *notes: str) -> Source | None:
-    """The signal that names the channel's joint and measures, or commands, the same; with notes on it."""
-    joint, what = parts_of(channel.name)
+def of_joint(named: Named, channel: ChannelSpec, *notes: str) -> Source | None:
+    """The signal of those that name the channel's joint which measures, or commands, the same; with notes on it.
+
+    A name that tells the joint alone is that of its position, unless its unit is another quantity's.
+    """
+    what = quantity_of(channel.name)
     wanted = quantity(words(what)) if channel.kind != "action" else None
     wanted = wanted or KINDS.get(channel.unit)
     rated = []
-    for offer, rest in owned.get(joint, ()):
+    for offer, rest in named:
         told = quantity(rest, offer.topic)
         measured_command = channel.kind == "action" and not offer.command
         if offer.command and channel.kind in ("state", "input"):
@@ -109,6 +113,8 @@ def of_joint(owned: Owned, channel: ChannelSpec, *notes: str) -> Source | None:
         if measured_command and not (told == wanted and wanted in ("torque", "voltage", "current")):
             continue
         if told not in (None, wanted) or told is None and (channel.kind == "enable" or strange(rest)):
+            continue
+        if told is None and not offer.command and bare(offer) != (wanted or "position"):
             continue
         cost = strange(rest) + 2 * measured_command + (told is None and channel.kind != "action")
         rated.append((cost, offer))

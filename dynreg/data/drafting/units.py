@@ -1,6 +1,7 @@
 """Which unit a signal is in, and how often it comes: of what the log states, of names and of numbers."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -42,6 +43,16 @@ def unit_of(offer: Offer, channel: ChannelSpec) -> str | None:
     except MapError:
         return None
     return unit
+
+
+def bare(offer: Offer) -> str:
+    """What a signal measures whose name tells a joint and no quantity: what its unit tells, else a position."""
+    named = [kind for w in offer.words for kind in UNIT_WORDS.get(w, ())]
+    for unit, kind in KINDS.items() if offer.series.unit else ():
+        with suppress(MapError):
+            conversion(offer.series.unit, unit)
+            return kind
+    return "position" if "position" in named or not named else named[0]
 
 
 def degrees(
