@@ -148,7 +148,9 @@ def _heard(
 
 
 def _say_ambiguous(drafted: Draft, notes: Notes) -> None:
-    """A line about channels and commands for which the log holds several signals, as where two robots are in it."""
+    """Lines about channels and commands for which the log holds several signals, as where two robots are in it, and
+    about a command that was guessed.
+    """
     doubted = [name for name, source in drafted.sources.items() if source.ambiguous]
     if doubted:
         taken = " ".join(str(drafted.sources[doubted[0]].keys["source"]).split())
@@ -156,6 +158,12 @@ def _say_ambiguous(drafted: Draft, notes: Notes) -> None:
             f"several signals of the log fit {listed(doubted)}: {taken} is taken for {doubted[0]}. The map lists the "
             "others as ambiguous"
         )
+    for name, source in drafted.sources.items():
+        if source.guessed:
+            taken = " ".join(str(source.keys["source"]).split())
+            notes.add(
+                f"{taken} is taken for {name}, for nothing else in the log could be it: check that in the map"
+            )
 
 
 def _tables(

@@ -9,6 +9,7 @@ from ros_log import JOINTS, truth, write_robot
 from scipy.spatial.transform import Rotation
 
 from dynreg.data.drafting import draft_map
+from dynreg.data.drafting.offers import offers_of
 from dynreg.data.ingest import read_recording
 from dynreg.data.maps import check_map, parse_map
 from dynreg.data.readers import read_log
@@ -410,3 +411,44 @@ def test_flags_and_inputs_may_share_a_signal_where_states_do_not(tmp_path: Path)
     assert {s.keys["source"] for s in draft_map(log, spec_of(*flags)).sources.values()} == {"enable"}
     twice = spec_of(("arm/position", "rad", "state"), ("arm/angle", "rad", "state"))
     assert [*draft_map(log, twice).sources] == ["arm/position"]
+
+
+CART = (("rail/position", "m", "state"), ("rail/velocity", "m/s", "state"), ("rail/torque", "N", "action"))
+LONE = {  # {columns: that of the command, what is said of it}
+    ("force [N]", "rail [m]"): ("force [N]", "measured"),
+    ("command", "rail [m]"): ("command", ""),
+    ("cmd_grip", "rail [m]", "load"): ("cmd_grip", "the only command"),
+    ("drive", "rail [m]"): ("drive", "the only column left: check it"),
+    ("u", "rail_pos"): ("u", ""),
+    ("u_rail", "rail_pos"): ("u_rail", ""),
+    ("u1", "rail_pos"): ("u1", "by its place"),
+    ("u[0]", "rail_pos"): ("u[0]", "by its place"),
+    ("drive", "load", "rail [m]"): (None, ""),
+    ("drive [V]", "rail [m]"): (None, ""),
+    ("temp", "rail [m]"): (None, ""),
+    ("drive",): (None, ""),
+}
+
+
+@pytest.mark.parametrize("columns", LONE)
+def test_the_only_drive_has_the_only_command(columns: tuple, tmp_path: Path):
+    """Or the only column left, whose unit fits; numbers of rows are none."""
+    numbers = np.random.default_rng(1).normal(size=(len(columns), 50))
+    log = table(tmp_path, **dict(zip(columns, numbers, strict=True)), row=np.arange(50.0))
+    wanted, said = LONE[columns]
+    source = draft_map(log, spec_of(*CART)).sources.get("rail/torque")
+    assert (source and source.keys["source"]) == wanted
+    assert source is None or said in " ".join(source.notes) and bool(said) == bool(source.notes)
+
+
+def test_a_drive_that_measures_its_current_in_three_phases_is_told_nothing(tmp_path: Path):
+    log = table(tmp_path, **{f"arm_current_{phase}": np.arange(5.0) for phase in "uvw"})
+    assert not any(o.command for o in offers_of(log))
+
+
+def test_commands_of_several_joints_may_be_called_u(tmp_path: Path):
+    actions = [(f"{joint}/torque", "N*m", "action") for joint in ("left", "right")]
+    for first, second in (("u_left", "u_right"), ("u1", "u2"), ("u[0]", "u[1]")):
+        log = table(tmp_path, **{first: np.arange(5.0), second: np.arange(5.0) ** 2})
+        sources = draft_map(log, spec_of(*actions)).sources
+        assert [sources[name].keys["source"] for name, *_ in actions] == [first, second]

@@ -5,7 +5,18 @@ from collections.abc import Mapping, Set
 from dynreg.data.checks.clock import likely_units
 from dynreg.data.clock_names import UNITS_OF_TIME
 from dynreg.data.drafting.bases import of_base
-from dynreg.data.drafting.joints import Named, by_index, by_words, called, joints_of, of_joint, owned, unread
+from dynreg.data.drafting.joints import (
+    Named,
+    by_index,
+    by_words,
+    called,
+    joints_of,
+    nameless,
+    of_joint,
+    owned,
+    unread,
+)
+from dynreg.data.drafting.left_over import left_over
 from dynreg.data.drafting.offers import Offer, offers_of
 from dynreg.data.drafting.proposed import proposed
 from dynreg.data.drafting.source import Source
@@ -76,7 +87,7 @@ def _but(named: Named, gone: Set[object]) -> Named:
 def _found(offers: tuple[Offer, ...], spec: RecordingSpec, also: Mapping[str, str]) -> dict[str, Source]:
     """{channel: Source} by names and places. A signal is one state, or one command; inputs and flags may share it."""
     mine, out = owned(offers, joints_of(spec)), {}
-    others = called(offers, mine, also)
+    others, unnamed = called(offers, mine, also), nameless(offers, mine)
     taken: set[object] = set()
     for channel in spec.channels:
         joint, single = joint_of(channel.name), channel.kind in ("state", "action")
@@ -88,12 +99,13 @@ def _found(offers: tuple[Offer, ...], spec: RecordingSpec, also: Mapping[str, st
             or by_index(offers, channel, spec)
             or by_words(offers, channel)
             or of_joint(_but(others.get(joint, ()), gone), channel, told)
+            or of_joint(_but(unnamed, gone), channel)
         )
         if source is not None:
             out[channel.name] = source
             if single and not source.measured:
                 taken.add(str(source.keys["source"]))
-    return out
+    return {**out, **left_over(offers, spec, out)}
 
 
 def _rates(chosen: dict[str, Offer], spec: RecordingSpec, found: dict[str, Source]) -> dict[str, Source]:

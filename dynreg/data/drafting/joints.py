@@ -123,6 +123,18 @@ def of_joint(named: Named, channel: ChannelSpec, *notes: str) -> Source | None:
     return best(rated, channel, *notes)
 
 
+def nameless(offers: Sequence[Offer], mine: Owned) -> Named:
+    """Columns that tell a quantity or a command, and no joint: they are those of the joint of a robot with one."""
+    taken = {offer.source for named in mine.values() for offer, _ in named}
+    return [
+        (offer, offer.words)
+        for offer in offers
+        if len(mine) == 1
+        and not (offer.topic or offer.item or offer.source in taken or strange(offer.words))
+        and (offer.asked or quantity(offer.words) is not None)
+    ]
+
+
 def by_index(offers: Sequence[Offer], channel: ChannelSpec, spec: RecordingSpec) -> Source | None:
     """An item of a list without names (Float64MultiArray) with as many as the robot has of the kind, in its order."""
     what = quantity(words(quantity_of(channel.name))) or KINDS.get(channel.unit)

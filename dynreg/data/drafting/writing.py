@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from dynreg.data.checks.clock import likely_units, quickest, usual_step
+from dynreg.data.drafting.left_over import EPISODE_COLUMNS, used
 from dynreg.data.drafting.offers import offers_of
 from dynreg.data.drafting.source import Source
 from dynreg.data.maps import DEFAULT_GAP, LogMap, parse_map
@@ -11,7 +12,6 @@ from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.series import RawLog
 from dynreg.tomlfile import literal
 
-EPISODE_COLUMNS = ("episode", "episode_index", "episode_id", "run", "trial")
 PATIENT = 3.0  # usual steps of a slow log that are no gap
 
 
@@ -111,13 +111,10 @@ def _episodes(log: RawLog) -> list[str]:
 
 def _unused(draft: Draft) -> list[str]:
     """What else the log holds, one line a group."""
-    used: set[object] = {*EPISODE_COLUMNS}
-    for source in draft.sources.values():
-        names = source.keys.get("source")
-        used |= {*names} if isinstance(names, list) else {names, *(f"{names}.{p}" for p in "wxyz")}
+    taken = {*EPISODE_COLUMNS, *used(draft.sources)}
     groups: dict[str, list[str]] = {}
     for offer in offers_of(draft.log):
-        if offer.source not in used and not offer.header:
+        if offer.source not in taken and not offer.header:
             groups.setdefault(offer.topic or offer.source, []).append(offer.source)
     if not groups:
         return []
