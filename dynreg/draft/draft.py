@@ -10,6 +10,7 @@ import numpy as np
 from dynreg.data.checks.clock import coarse
 from dynreg.data.checks.commands import step_within
 from dynreg.data.drafting import Draft, draft_map
+from dynreg.data.drafting.units import ASKED
 from dynreg.data.names import joint_of
 from dynreg.data.series import RawLog
 from dynreg.draft.actuators import put_drives
@@ -157,6 +158,11 @@ def _say_ambiguous(drafted: Draft, notes: Notes) -> None:
         notes.add(
             f"several signals of the log fit {listed(doubted)}: {taken} is taken for {doubted[0]}. The map lists the "
             "others as ambiguous"
+        )
+    if counts := [n for n, source in drafted.sources.items() if any(ASKED in note for note in source.notes)]:
+        notes.add(
+            f"{listed(counts)} go too far for radians: {ASKED} Set scale = ... (radians per count) in the map, and "
+            "draft again from a log with columns in rad, for what is drafted here is of the numbers as they are"
         )
     for name, source in drafted.sources.items():
         if source.guessed:

@@ -452,3 +452,35 @@ def test_commands_of_several_joints_may_be_called_u(tmp_path: Path):
         log = table(tmp_path, **{first: np.arange(5.0), second: np.arange(5.0) ** 2})
         sources = draft_map(log, spec_of(*actions)).sources
         assert [sources[name].keys["source"] for name, *_ in actions] == [first, second]
+
+
+ASKED = {  # {case: (how far the positions and targets go, by how much they are rounded, the unit that is told)}
+    "counts of 0.088 deg": (646.0, 1.0, "rad"),
+    "commands between counts": (646.0, 0.01, "rad"),
+    "whole numbers": (90.0, 1.0, "rad"),
+    "degrees": (90.0, 0.1, "deg"),
+    "degrees a little beyond the stops": (160.0, 0.1, "deg"),
+    "few steps": (90.0, 30.0, "deg"),
+}
+
+
+@pytest.mark.parametrize("case", ASKED)
+def test_what_is_no_angle_in_degrees_either_is_asked_about(case: str, tmp_path: Path):
+    """The counts of an encoder are no degrees; whole numbers may be either."""
+    size, step, unit = ASKED[case]
+    moved = np.round(size * np.sin(0.01 * np.arange(400)) / step) * step
+    log = table(tmp_path, arm_pos=moved, arm_cmd=0.9 * moved if step < 1 else moved)
+    spec = RecordingSpec(
+        "robot",
+        (
+            ChannelSpec("arm/position", "rad", "state", stops=(-2.5, 2.5)),
+            ChannelSpec("arm/target", "rad", "action", stops=(-2.5, 2.5)),
+        ),
+        (),
+        100.0,
+    )
+    draft = draft_map(log, spec)
+    assert units_of(log, spec) == {"arm/position": unit, "arm/target": unit}
+    asked = "counts of an encoder? set scale = ... (radians per count)"
+    assert draft.text.count(asked) == (2 if unit == "rad" else 0)
+    assert ('or unit = "deg"' in draft.text) == (case == "whole numbers")
