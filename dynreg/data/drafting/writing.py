@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from dynreg.data.checks.clock import likely_units, quickest, usual_step
+from dynreg.data.checks.clock import doubted, likely_units, quickest, usual_step
 from dynreg.data.drafting.left_over import EPISODE_COLUMNS, used
 from dynreg.data.drafting.offers import offers_of
 from dynreg.data.drafting.source import Source
@@ -71,7 +71,10 @@ def _head(log: RawLog, robot: str) -> list[str]:
 
 
 def _unit(log: RawLog) -> str:
-    """The line of the clock's unit: a comment where neither the log's names nor its steps tell it."""
+    """The line of the clock's unit: a comment where neither the log's names nor its steps tell one that can be."""
+    doubt = doubted(quickest(log), log.counting)
+    if doubt is not None and not doubt.rates and log.counting is not None:
+        return f"# time_unit = {literal(log.counting.unit)}    # {doubt.said}; {doubt.do}"
     likely, *others = map(literal, likely_units(log))
     if others:
         return f"# time_unit = {likely}    # or {' or '.join(others)}: its steps do not tell which"
