@@ -1,6 +1,7 @@
 """The unit in which a table's clock counts: what states it, and what is said where nothing does."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -198,3 +199,23 @@ def test_a_clock_whose_unit_is_not_read_is_not_offered(write_table: Callable):
     path = write_table(time_min=ROWS * 0.01, elapsed_s=ROWS * 0.6, q=np.sin(ROWS / 50))
     with pytest.raises(MapError, match="'elapsed_s' is then the clock"):
         read_log(path, ReadOptions("stamp"))
+
+
+def test_coarse_stamps_are_told_before_the_filter_that_they_make_too_quick(
+    write_table: Callable, tmp_path: Path
+):
+    """Of several logs the one that is so is named."""
+    good = write_table(time=ROWS * 0.02, q=np.sin(ROWS / 50)).rename(tmp_path / "good.csv")
+    bad = write_table(time=np.round(ROWS * 0.02, 1), q=np.sin(ROWS / 50)).rename(tmp_path / "bad.csv")
+    spec = RecordingSpec("one", (*SPEC.channels, ChannelSpec("q/velocity", "rad/s", "state")), (), 50.0)
+    log_map = parse_map(
+        '[map]\n[channels.q]\nsource = "q"\nunit = "rad"\n'
+        '[channels."q/velocity"]\nderivative_of = "q"\nfilter_hz = 10.0\n'
+    )
+    for logs in ([bad], [good, bad]):
+        with pytest.raises(LogError) as caught:
+            read_recording(logs, spec, log_map)
+        assert caught.value.problem.startswith("bad.csv: ") and "written to 0.1 s" in caught.value.problem
+        assert caught.value.do.startswith("write them with more digits")
+        (found,) = doctor(logs, spec, log_map)
+        assert (found.where, found.severity) == ("bad.csv", "error")

@@ -149,7 +149,7 @@ def coarse(signals: Iterable[Series]) -> str:
 def _shortest(step: float, rows: int) -> str:
     """The fewest digits of a step that over so many rows miss less than one of them: no more is known.
 
-    >>> _shortest(0.0105261, 3000), _shortest(0.007987, 297)
+    >>> _shortest(0.0105261, 2000), _shortest(0.007987, 297)
     ('0.01053', '0.008')
     """
     texts = (f"{step:.{digits}g}" for digits in range(1, 17))
