@@ -26,7 +26,7 @@ from dynreg.data.schema import RecordingSpec
 from dynreg.data.senders import clocked, shared, signals_of
 from dynreg.data.series import Finding, RawLog
 from dynreg.data.words import steady
-from dynreg.errors import CheckError, DynregError, LogError, MapError, quoted
+from dynreg.errors import CheckError, DynregError, LogError, MapError, one_of
 from dynreg.foreign import visible
 
 __all__ = ["Finding", "RawLog", "doctor", "examine", "read_log", "read_recording"]
@@ -288,7 +288,7 @@ def _groups(files: Sequence[Path], suffixes: Mapping[str, str]) -> dict[str, dic
         if member is None:
             raise LogError(
                 f"{path.name!r} is none of the files that the map names",
-                expected=f"a name that ends in one of {quoted(suffixes.values())}",
+                expected=f"a name that ends in {one_of(suffixes.values())}",
                 do="leave it out, or correct [files] in the map",
             )
         groups.setdefault(path.name.removesuffix(suffixes[member]), {})[member] = path
