@@ -11,7 +11,7 @@ import numpy as np
 
 from dynreg.adapt.differences import DIFFERENCES
 from dynreg.adapt.scores import Scores
-from dynreg.errors import UsageError, quoted
+from dynreg.errors import UsageError, one_of
 from dynreg.search.table import SEARCHES
 
 TRANSFER, REFINE = "transfer", "refine"  # what a trial is for: steps 2 and 4
@@ -69,9 +69,9 @@ class Rules:
             if not 0 < getattr(self, name) < 1:
                 _refuse(f"{name} = {getattr(self, name)}", "a share between 0 and 1")
         if self.difference not in DIFFERENCES:
-            _refuse(f"difference = {self.difference!r}", f"one of {quoted(DIFFERENCES)}")
+            _refuse(f"difference = {self.difference!r}", one_of(DIFFERENCES))
         if self.search not in SEARCHES:
-            _refuse(f"search = {self.search!r}", f"one of {quoted(SEARCHES)}")
+            _refuse(f"search = {self.search!r}", one_of(SEARCHES))
         try:
             SEARCHES[self.search].require(self.gaits)
         except UsageError as error:

@@ -1,6 +1,7 @@
 """What tables call their clocks, and the unit of time that such a name states."""
 
 import re
+from collections.abc import Iterable
 
 UNITS_OF_TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # [s]
 # Of clocks, in small letters, the likeliest first. __time is PlotJuggler's, _time that of InfluxDB.
@@ -66,6 +67,24 @@ def is_clock(name: str) -> bool:
     """Whether a column's name is a usual one of a clock, in small letters or large ones."""
     told = name.lower() in TIME_NAMES or stated_unit(name) is not None
     return told or bool(longer_unit(name)) and _parted(name)[0] in TIME_NAMES
+
+
+def halves(names: Iterable[str]) -> tuple[str, str] | None:
+    """The columns of whole seconds and of the nanoseconds to be added, where a log's stamps are in two; else None.
+
+    >>> halves(["header.stamp.secs", "header.stamp.nsecs", "q"]), halves(["secs", "q"])
+    (('header.stamp.secs', 'header.stamp.nsecs'), None)
+    """
+    every = {name.lower(): name for name in names}
+    for plain, name in every.items():
+        for whole in ("secs", "sec", "seconds"):
+            stem = plain.removesuffix(whole)
+            if stem == plain or stem and stem[-1].isalnum():
+                continue
+            for rest in ("nsecs", "nsec", "nanosec", "nanosecs", "nanoseconds"):
+                if stem + rest in every:
+                    return name, every[stem + rest]
+    return None
 
 
 def likelihood(name: str) -> tuple[int, int]:

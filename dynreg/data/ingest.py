@@ -13,6 +13,7 @@ import numpy as np
 
 from dynreg.data.behaviour import check_behaviour
 from dynreg.data.checks import check_clocks, check_episode, check_numbers, check_spikes, errors
+from dynreg.data.checks.clock import coarse
 from dynreg.data.clocks import Span, laid
 from dynreg.data.drafting import as_logged
 from dynreg.data.episodes import RawEpisode, episodes_of, raw_episodes
@@ -25,7 +26,7 @@ from dynreg.data.schema import RecordingSpec
 from dynreg.data.senders import clocked, shared, signals_of
 from dynreg.data.series import Finding, RawLog
 from dynreg.data.words import steady
-from dynreg.errors import CheckError, DynregError, LogError, MapError, quoted
+from dynreg.errors import CheckError, DynregError, LogError, MapError, one_of
 from dynreg.foreign import visible
 
 __all__ = ["Finding", "RawLog", "doctor", "examine", "read_log", "read_recording"]
@@ -224,11 +225,29 @@ def _mapped(
     for number, log in enumerate(_logs(files, log_map)):
         maps.append(log_map or identity_map(spec, log))
         findings += log.findings
-        for episode in raw_episodes(log, maps[-1], spec):
+        for episode in _episodes(log, maps[-1], spec, len(files) > 1):
             episodes.append(replace(episode, log=number))
             findings += check_episode(episode, spec, _gap(log_map))
     findings += check_behaviour(episodes, spec, findings)
     return episodes, findings, max(maps, key=lambda one: one.episodes.by == "column")
+
+
+def _episodes(log: RawLog, log_map: LogMap, spec: RecordingSpec, several: bool) -> tuple[RawEpisode, ...]:
+    """The episodes of one log, perhaps of several; LogError tells of stamps that are coarse before what they cause."""
+    try:
+        return raw_episodes(log, log_map, spec)
+    except LogError as error:
+        read = [log.sources[name] for name in log_map.sources if name in log.sources]
+        problem, _, do = coarse(read).partition("; ")
+        if problem:
+            raise LogError(
+                f"{log.path.name}: {problem}", expected="stamps that tell rows apart", do=do
+            ) from error
+        if several and log.path.name not in error.problem:
+            raise LogError(
+                f"{log.path.name}: {error.problem}", expected=error.expected, do=error.do
+            ) from error
+        raise
 
 
 def holds_sources(paths: Paths, spec: RecordingSpec, log_map: LogMap) -> bool:
@@ -269,7 +288,7 @@ def _groups(files: Sequence[Path], suffixes: Mapping[str, str]) -> dict[str, dic
         if member is None:
             raise LogError(
                 f"{path.name!r} is none of the files that the map names",
-                expected=f"a name that ends in one of {quoted(suffixes.values())}",
+                expected=f"a name that ends in {one_of(suffixes.values())}",
                 do="leave it out, or correct [files] in the map",
             )
         groups.setdefault(path.name.removesuffix(suffixes[member]), {})[member] = path
@@ -278,7 +297,9 @@ def _groups(files: Sequence[Path], suffixes: Mapping[str, str]) -> dict[str, dic
 
 def _finding(error: DynregError, files: Sequence[Path]) -> Finding:
     check = "map" if isinstance(error, MapError) else "log"
-    return Finding("error", check, files[0].name if files else "", str(error))
+    names = [path.name for path in files] or [""]
+    where = next((name for name in names if error.problem.startswith(f"{name}:")), names[0])
+    return Finding("error", check, where, str(error))
 
 
 def _options(log_map: LogMap | None) -> ReadOptions:

@@ -31,7 +31,7 @@ UNIT_WORDS = {
 }
 _NEUTRAL = MEASURED | frozenset(
     "joint joints sensor sensors observation obs data point points robot encoder controller pt rad s m nm n v "
-    "a servo".split()
+    "a u servo".split()
 )
 _JOINT_WORDS = frozenset(("joint", "joints", "motor", "servo", "link", "actuator"))
 _QUANTITY_OF = {word: quantity for quantity, words in QUANTITIES.items() for word in words.split()}
@@ -59,6 +59,15 @@ def _parts(text: str) -> list[str]:
     return re.findall(r"[A-Za-z]+|[0-9]+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text))
 
 
+def asks(told: Sequence[str]) -> bool:
+    """Whether words say that this is what was asked for: "u" says so where it comes first, as it does in control.
+
+    >>> asks(("arm", "cmd")), asks(("u", "1")), asks(("phase", "u"))
+    (True, True, False)
+    """
+    return not COMMANDS.isdisjoint(told) or tuple(told[:1]) == ("u",)
+
+
 def quantity(told: Sequence[str], topic: str = "") -> str | None:
     """What words say is measured or commanded; those of the topic tell where the others do not.
 
@@ -79,7 +88,7 @@ def steady(name: str) -> bool:
     (True, False, False)
     """
     told = words(name)
-    return COMMANDS.isdisjoint(told) and quantity(told) not in (
+    return not asks(told) and quantity(told) not in (
         "velocity",
         "torque",
         "current",

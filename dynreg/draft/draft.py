@@ -10,6 +10,7 @@ import numpy as np
 from dynreg.data.checks.clock import coarse
 from dynreg.data.checks.commands import step_within
 from dynreg.data.drafting import Draft, draft_map
+from dynreg.data.drafting.units import ASKED
 from dynreg.data.names import joint_of
 from dynreg.data.series import RawLog
 from dynreg.draft.actuators import put_drives
@@ -148,7 +149,9 @@ def _heard(
 
 
 def _say_ambiguous(drafted: Draft, notes: Notes) -> None:
-    """A line about channels and commands for which the log holds several signals, as where two robots are in it."""
+    """Lines about channels and commands for which the log holds several signals, as where two robots are in it, and
+    about a command that was guessed.
+    """
     doubted = [name for name, source in drafted.sources.items() if source.ambiguous]
     if doubted:
         taken = " ".join(str(drafted.sources[doubted[0]].keys["source"]).split())
@@ -156,6 +159,17 @@ def _say_ambiguous(drafted: Draft, notes: Notes) -> None:
             f"several signals of the log fit {listed(doubted)}: {taken} is taken for {doubted[0]}. The map lists the "
             "others as ambiguous"
         )
+    if counts := [n for n, source in drafted.sources.items() if any(ASKED in note for note in source.notes)]:
+        notes.add(
+            f"{listed(counts)} go too far for radians: {ASKED} Set scale = ... (radians per count) in the map, and "
+            "draft again from a log with columns in rad, for what is drafted here is of the numbers as they are"
+        )
+    for name, source in drafted.sources.items():
+        if source.guessed:
+            taken = " ".join(str(source.keys["source"]).split())
+            notes.add(
+                f"{taken} is taken for {name}, for nothing else in the log could be it: check that in the map"
+            )
 
 
 def _tables(

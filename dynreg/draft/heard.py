@@ -174,12 +174,22 @@ def require_clocks(told: Heard, log: RawLog) -> None:
     doubt = doubted(time, counting)
     if doubt is not None:
         known = "" if counting.told else f"seconds in column {counting.column!r}, or "
+        if not doubt.rates:
+            mapped = "[map]" in doubt.do  # no map is read here
+            do = (
+                f"write seconds in a column time_s, at most {QUICKEST:g} rows a second"
+                if mapped
+                else doubt.do
+            )
+            raise LogError(
+                f"{log.path.name}: {doubt.said}", expected=f"{known}a name that tells the unit", do=do
+            )
         do = f"call the column {' or '.join(f'time_{unit}' for unit in doubt.rates)}"
         do += ", or write it in the unit that its name says" * bool(counting.told)
         raise LogError(
             f"{log.path.name}: {doubt.said}",
             expected=f"{known}a name that tells the unit",
-            do=do if doubt.rates else f"write seconds in a column time_s, at most {QUICKEST:g} rows a second",
+            do=do,
         )
 
 

@@ -7,7 +7,7 @@ from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
-from dynreg.errors import UsageError, quoted
+from dynreg.errors import UsageError, one_of
 from dynreg.gait.accept import ACCEPT, EACH, USUAL
 from dynreg.gait.tasks import fell as fallen
 from dynreg.gait.tasks import fitness
@@ -69,9 +69,7 @@ class SearchSettings:
             ("accept", self.accept, ACCEPT),
         ):
             if value not in choices:
-                raise UsageError(
-                    f"{name} {value!r}", expected=f"one of {quoted(choices)}", do="choose one of them"
-                )
+                raise UsageError(f"{name} {value!r}", expected=one_of(choices), do="choose one of them")
         if self.meets is not None and self.meets < 1:
             raise UsageError(f"meets = {self.meets}", expected="1 simulator or more", do="give more, or None")
         if not 0.0 <= self.again < 1.0:

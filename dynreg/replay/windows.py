@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dynreg.errors import LogError, quoted
+from dynreg.errors import LogError, one_of
 from dynreg.replay.residual import by_weight, scaled
 from dynreg.replay.velocity import pose_columns
 from dynreg.sim.engines import rollout
@@ -195,7 +195,7 @@ def scales(robot: Robot, measured: np.ndarray, actions: np.ndarray) -> tuple[np.
     if not weight.sum() > 0:
         raise LogError(
             "no channel with a weight was measured",
-            expected=f"one of {quoted(c.name for c in robot.file.channels if c.weight > 0)}",
+            expected=one_of(c.name for c in robot.file.channels if c.weight > 0),
             do="add it to the map, or give another channel a weight in robot.toml",
         )
     return spread, weight / weight.sum()

@@ -10,6 +10,9 @@ from dynreg.report.grid import table
 from dynreg.report.words import first_of, number
 from dynreg.results.doctor import LogContents, LogFindings
 
+ADVISES = frozenset(  # how the last clause of a finding begins where it says what to do
+    "add call check correct draft export leave mend name record rename resample set split store take write".split()
+)
 SHOWN = 3  # names of signals in one cell
 
 
@@ -79,7 +82,7 @@ def refusal(result: LogFindings) -> LogError | None:
     wrong = [f for f in result.findings if f.severity == "error"]
     problem, expected, do = first_of([f.message for f in wrong])
     found, _, advice = wrong[0].message.rpartition("; ")
-    if not expected and found:  # it says itself what to do
+    if not expected and found and advice.split()[0] in ADVISES:  # it says itself what to do
         problem, do = problem.replace(wrong[0].message, found), advice
     where = wrong[0].where
     return LogError(

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from dynreg.data.recording import Recording
 from dynreg.data.topics import Topic, mcap
-from dynreg.errors import UsageError, quoted
+from dynreg.errors import UsageError, one_of
 from dynreg.gait.beside import beside, joined, rate_of, rerun
 from dynreg.gait.play import FORMS, require_playable, told
 from dynreg.registry import Registry
@@ -32,7 +32,7 @@ def export_gait(registry: Registry, ref: str | Path | Gait, path: Path, form: st
     if form not in (*FORMS, *PICTURES, RUN):
         raise UsageError(
             f"form {form!r} of a gait",
-            expected=f"one of {quoted([*FORMS, *PICTURES, RUN])}",
+            expected=one_of([*FORMS, *PICTURES, RUN]),
             do="choose one of them",
         )
     gait, recording = _asked(registry, ref, form)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping
 from operator import itemgetter
 from typing import Any, TypeVar
 
-from dynreg.errors import CorruptError, Damaged, UsageError, quoted
+from dynreg.errors import CorruptError, Damaged, UsageError, one_of
 from dynreg.registry import Registry
 from dynreg.results.stored import EntrySummary, Listing
 from dynreg.verbs.simulator import made
@@ -26,7 +26,7 @@ def listing(registry: Registry, kind: str | None = None) -> Listing:
     be read is listed as damaged, so that it can be removed; a warning tells why (`Damaged`).
     """
     if kind is not None and kind not in KINDS:
-        raise UsageError(f"kind {kind!r}", expected=f"one of {quoted(KINDS)}", do="choose one of them")
+        raise UsageError(f"kind {kind!r}", expected=one_of(KINDS), do="choose one of them")
     items = [
         EntrySummary(id=identity, kind=k, name=name, robot=robot, detail=detail)
         for k in (KINDS if kind is None else (kind,))

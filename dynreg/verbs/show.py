@@ -5,7 +5,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from dynreg.errors import CorruptError, DynregError, NoMatchError, quoted
+from dynreg.errors import CorruptError, DynregError, NoMatchError, one_of
 from dynreg.registry import RecordingInfo, Registry, ResultRecord
 from dynreg.results import RESULTS
 from dynreg.results.result import Result
@@ -115,7 +115,7 @@ def stored_result(registry: Registry, ref: str) -> Result:
     if record.kind not in RESULTS:
         raise NoMatchError(
             f"result {ref!r} is of kind {record.kind!r}",
-            expected=f"one of {quoted(sorted(RESULTS))}",
+            expected=one_of(sorted(RESULTS)),
             do="name another",
         )
     try:

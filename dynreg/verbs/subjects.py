@@ -17,7 +17,7 @@ from dynreg.errors import (
     RobotError,
     UsageError,
     command,
-    quoted,
+    one_of,
 )
 from dynreg.folder import expanded
 from dynreg.registry import PopulationRecord, RecordingInfo, Registry, ResultRecord, RobotInfo
@@ -457,7 +457,7 @@ def _only_population(asked: Recorded) -> PopulationRecord:
     if len(fitting) > 1:
         raise UsageError(
             f"{len(fitting)} populations of robot {robot.name!r}",
-            expected=f"one of {quoted(r.id[:12] for r in fitting)}",
+            expected=one_of(r.id[:12] for r in fitting),
             do="name one with --population",
         )
     if not fitting:

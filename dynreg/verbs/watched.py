@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dynreg.errors import NoMatchError, UsageError, quoted
+from dynreg.errors import NoMatchError, UsageError, one_of
 from dynreg.gait.play import told
 from dynreg.registry import Registry, ResultRecord
 from dynreg.results.gait import Gait
@@ -83,7 +83,7 @@ def export_run(registry: Registry, ref: str, path: Path, form: str, beside: str 
     Raises UsageError for another form or a file that cannot be written, and what `watched` does.
     """
     if form not in FILES:
-        raise UsageError(f"form {form!r}", expected=f"one of {quoted(FILES)}", do="choose one of them")
+        raise UsageError(f"form {form!r}", expected=one_of(FILES), do="choose one of them")
     require_new(path)
     write_new(path, FILES[form](watched(registry, ref, beside), path.stem))
 

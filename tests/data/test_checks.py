@@ -258,6 +258,17 @@ def test_degrees_are_told_by_the_stops_of_the_model(
     )
 
 
+def test_targets_in_degrees_are_refused_as_positions_are(
+    write_table: Callable, swing: Columns, servo_spec: RecordingSpec
+):
+    swing["arm__target"] = np.degrees(swing["arm__target"])
+    spec = stopped(servo_spec)
+    with pytest.raises(LogError, match="arm/target: reaches .* x its limit; degrees.*; set `unit`"):
+        read_recording(write_table(**swing), spec)
+    free = replace(spec, channels=tuple(replace(c, stops=None) for c in spec.channels))
+    assert not [f for f in doctor(write_table(**swing), free) if f.severity == "error"]
+
+
 def moved(c: Columns) -> None:
     c["arm__position"] += 2 * np.pi
 

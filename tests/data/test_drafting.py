@@ -9,6 +9,7 @@ from ros_log import JOINTS, truth, write_robot
 from scipy.spatial.transform import Rotation
 
 from dynreg.data.drafting import draft_map
+from dynreg.data.drafting.offers import offers_of
 from dynreg.data.ingest import read_recording
 from dynreg.data.maps import check_map, parse_map
 from dynreg.data.readers import read_log
@@ -378,3 +379,108 @@ def test_an_acceleration_is_no_velocity(tmp_path: Path):
     log = table(tmp_path, q_arm=np.sin(t), q_ddot_arm=-np.sin(t))
     draft = draft_map(log, spec_of(("arm/position", "rad", "state"), ("arm/velocity", "rad/s", "state")))
     assert draft.sources["arm/velocity"].keys["derivative_of"] == "arm/position"
+
+
+@pytest.mark.parametrize("column", ["left", "left_deg", "left [deg]", "left_state"])
+def test_a_bare_name_of_a_joint_is_its_position_and_nothing_else(column: str, tmp_path: Path):
+    """One signal serves one channel: the velocity is derived, and no torque is measured."""
+    t = 0.01 * np.arange(300)
+    log = table(tmp_path, **{"left_ref": np.sin(t), column: np.sin(t)})
+    kinds = (("position", "rad", "state"), ("velocity", "rad/s", "state"), ("target", "rad", "action"))
+    draft = draft_map(log, spec_of(*((f"left/{what}", unit, kind) for what, unit, kind in kinds)))
+    assert draft.sources["left/position"].keys["source"] == column
+    assert draft.sources["left/velocity"].keys["derivative_of"] == "left/position"
+    assert draft.sources["left/target"].keys["source"] == "left_ref"
+    assert not draft_map(log, spec_of(("left/torque", "N*m", "state"))).sources
+
+
+def test_the_unit_of_a_bare_name_tells_what_it_measures(tmp_path: Path):
+    log = table(
+        tmp_path, **{"arm [rad/s]": np.arange(5.0), "leg_rpm": np.arange(5.0), "toe [N]": np.arange(5.0)}
+    )
+    units = {"arm": ("velocity", "rad/s"), "leg": ("velocity", "rad/s"), "toe": ("torque", "N")}
+    spec = spec_of(*((f"{joint}/{what}", unit, "state") for joint, (what, unit) in units.items()))
+    assert draft_map(log, spec).missing == ()
+    positions = spec_of(*((f"{joint}/position", "rad", "state") for joint in units))
+    assert not draft_map(log, positions).sources
+
+
+def test_flags_and_inputs_may_share_a_signal_where_states_do_not(tmp_path: Path):
+    log = table(tmp_path, enable=np.ones(5), pos=np.arange(5.0))
+    flags = [(f"{joint}/enable", "1", "enable") for joint in "ab"]
+    assert {s.keys["source"] for s in draft_map(log, spec_of(*flags)).sources.values()} == {"enable"}
+    twice = spec_of(("arm/position", "rad", "state"), ("arm/angle", "rad", "state"))
+    assert [*draft_map(log, twice).sources] == ["arm/position"]
+
+
+CART = (("rail/position", "m", "state"), ("rail/velocity", "m/s", "state"), ("rail/torque", "N", "action"))
+LONE = {  # {columns: that of the command, what is said of it}
+    ("force [N]", "rail [m]"): ("force [N]", "measured"),
+    ("command", "rail [m]"): ("command", ""),
+    ("cmd_grip", "rail [m]", "load"): ("cmd_grip", "the only command"),
+    ("drive", "rail [m]"): ("drive", "the only column left: check it"),
+    ("u", "rail_pos"): ("u", ""),
+    ("u_rail", "rail_pos"): ("u_rail", ""),
+    ("u1", "rail_pos"): ("u1", "by its place"),
+    ("u[0]", "rail_pos"): ("u[0]", "by its place"),
+    ("drive", "load", "rail [m]"): (None, ""),
+    ("drive [V]", "rail [m]"): (None, ""),
+    ("temp", "rail [m]"): (None, ""),
+    ("drive",): (None, ""),
+}
+
+
+@pytest.mark.parametrize("columns", LONE)
+def test_the_only_drive_has_the_only_command(columns: tuple, tmp_path: Path):
+    """Or the only column left, whose unit fits; numbers of rows are none."""
+    numbers = np.random.default_rng(1).normal(size=(len(columns), 50))
+    log = table(tmp_path, **dict(zip(columns, numbers, strict=True)), row=np.arange(50.0))
+    wanted, said = LONE[columns]
+    source = draft_map(log, spec_of(*CART)).sources.get("rail/torque")
+    assert (source and source.keys["source"]) == wanted
+    assert source is None or said in " ".join(source.notes) and bool(said) == bool(source.notes)
+
+
+def test_a_drive_that_measures_its_current_in_three_phases_is_told_nothing(tmp_path: Path):
+    log = table(tmp_path, **{f"arm_current_{phase}": np.arange(5.0) for phase in "uvw"})
+    assert not any(o.command for o in offers_of(log))
+
+
+def test_commands_of_several_joints_may_be_called_u(tmp_path: Path):
+    actions = [(f"{joint}/torque", "N*m", "action") for joint in ("left", "right")]
+    for first, second in (("u_left", "u_right"), ("u1", "u2"), ("u[0]", "u[1]")):
+        log = table(tmp_path, **{first: np.arange(5.0), second: np.arange(5.0) ** 2})
+        sources = draft_map(log, spec_of(*actions)).sources
+        assert [sources[name].keys["source"] for name, *_ in actions] == [first, second]
+
+
+ASKED = {  # {case: (how far the positions and targets go, by how much they are rounded, the unit that is told)}
+    "counts of 0.088 deg": (646.0, 1.0, "rad"),
+    "commands between counts": (646.0, 0.01, "rad"),
+    "whole numbers": (90.0, 1.0, "rad"),
+    "degrees": (90.0, 0.1, "deg"),
+    "degrees a little beyond the stops": (160.0, 0.1, "deg"),
+    "few steps": (90.0, 30.0, "deg"),
+}
+
+
+@pytest.mark.parametrize("case", ASKED)
+def test_what_is_no_angle_in_degrees_either_is_asked_about(case: str, tmp_path: Path):
+    """The counts of an encoder are no degrees; whole numbers may be either."""
+    size, step, unit = ASKED[case]
+    moved = np.round(size * np.sin(0.01 * np.arange(400)) / step) * step
+    log = table(tmp_path, arm_pos=moved, arm_cmd=0.9 * moved if step < 1 else moved)
+    spec = RecordingSpec(
+        "robot",
+        (
+            ChannelSpec("arm/position", "rad", "state", stops=(-2.5, 2.5)),
+            ChannelSpec("arm/target", "rad", "action", stops=(-2.5, 2.5)),
+        ),
+        (),
+        100.0,
+    )
+    draft = draft_map(log, spec)
+    assert units_of(log, spec) == {"arm/position": unit, "arm/target": unit}
+    asked = "counts of an encoder? set scale = ... (radians per count)"
+    assert draft.text.count(asked) == (2 if unit == "rad" else 0)
+    assert ('or unit = "deg"' in draft.text) == (case == "whole numbers")

@@ -1,18 +1,24 @@
 """The unit in which a table's clock counts: what states it, and what is said where nothing does."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from dynreg.data.checks import clock
 from dynreg.data.drafting import draft_map
 from dynreg.data.ingest import doctor, read_recording
 from dynreg.data.maps import parse_map
 from dynreg.data.readers import ReadOptions, read_log
 from dynreg.data.schema import ChannelSpec, RecordingSpec
+from dynreg.data.series import RawLog, Series
+from dynreg.draft.heard import heard, require_clocks
+from dynreg.errors import LogError, MapError
 
 SPEC = RecordingSpec("one", (ChannelSpec("q", "rad", "state"),), (), 100.0)
 ROWS = np.arange(300)
+MANY = np.arange(3000)
 
 
 @pytest.mark.parametrize("step", [1, 2])
@@ -127,6 +133,7 @@ REPEATED = {  # stamps and values of a log in which stamps repeat: what is said
         np.sin(ROWS / 50),
         "written to 0.01 s, and rows come about every 0.008 s",
     ),
+    "95 Hz": (np.floor(MANY / 9.5) / 10, np.sin(MANY / 50), "number of the row times 0.010526;"),
     "seconds": (ROWS // 20, np.sin(ROWS / 50), "written to 1 s, and rows come about every 0.05"),
     "each row twice": (ROWS // 2 * 0.01, np.sin(ROWS // 2 / 50), "150 stamps repeat the one before; of rows"),
     "one row twice": (
@@ -144,3 +151,71 @@ def test_stamps_that_repeat_are_told_for_what_they_are(case: str, write_table: C
     found = [f for f in doctor(write_table(time=time, q=values)) if f.check == "clock"]
     assert len(found) == 1 and said in found[0].message, found
     assert found[0].severity == ("error" if case in ("seconds", "a stop") else "warning")
+
+
+def test_of_many_signals_of_one_clock_it_is_looked_at_once(write_table: Callable, monkeypatch):
+    log = read_log(write_table(time=ROWS * 0.01, **{f"q{i}": np.sin(ROWS + i) for i in range(50)}))
+    apart = RawLog(
+        log.path, {n: Series(s.time.copy(), s.values) for n, s in log.sources.items()}, log.metadata
+    )
+    seen = []
+    monkeypatch.setattr(clock, "usual_step", lambda time: seen.append(len(time)) or 0.01)
+    for one in (log, apart):
+        assert len(clock.quickest(one)) == len(ROWS)
+    assert len(seen) == 2
+
+
+def test_a_clock_in_a_unit_that_is_not_read_is_not_drafted_as_settled(write_table: Callable):
+    """The map has what is said of it as a comment, and a robot is not drafted from it."""
+    for time, said in (
+        (739_000 + ROWS * 0.01 / 86400, "the clock looks like days; multiply it by 86400 and call it time_s"),
+        (ROWS * 1e-5, "no robot is logged so; set time_unit"),
+    ):
+        draft = draft_map(read_log(write_table(time=time, q=np.sin(ROWS / 50))), SPEC)
+        (line,) = (line for line in draft.text.splitlines() if "time_unit =" in line)
+        assert line.startswith('# time_unit = "s"    # ') and said in line
+        assert parse_map(draft.text).map.time_unit is None
+        with pytest.raises(LogError) as caught:
+            require_clocks(heard(draft), draft.log)
+        assert "[map]" not in caught.value.do
+        assert ("multiply it by 86400" in caught.value.do) == ("86400" in said)
+
+
+@pytest.mark.parametrize("whole, rest", [("secs", "nsecs"), ("header.stamp.sec", "header.stamp.nanosec")])
+def test_stamps_in_two_columns_are_to_be_added(whole: str, rest: str, write_table: Callable):
+    """Whole seconds alone are no clock, nor are their nanoseconds; another clock beside them counts."""
+    columns = {whole: ROWS // 100, rest: ROWS % 100 * 10_000_000, "q": np.sin(ROWS / 50)}
+    with pytest.raises(LogError) as caught:
+        read_log(write_table(**columns))
+    assert caught.value.do == f"add the two: {whole} + 1e-9 * {rest}, in a column called time"
+    assert read_log(write_table(**columns, time=ROWS * 0.01)).counting.column == "time"
+
+
+def test_a_clock_whose_unit_is_not_read_is_not_offered(write_table: Callable):
+    path = write_table(time_min=ROWS * 0.01, q=np.sin(ROWS / 50))
+    with pytest.raises(MapError) as caught:
+        read_log(path, ReadOptions("stamp"))
+    assert "is then the clock" not in str(caught.value)
+    path = write_table(time_min=ROWS * 0.01, elapsed_s=ROWS * 0.6, q=np.sin(ROWS / 50))
+    with pytest.raises(MapError, match="'elapsed_s' is then the clock"):
+        read_log(path, ReadOptions("stamp"))
+
+
+def test_coarse_stamps_are_told_before_the_filter_that_they_make_too_quick(
+    write_table: Callable, tmp_path: Path
+):
+    """Of several logs the one that is so is named."""
+    good = write_table(time=ROWS * 0.02, q=np.sin(ROWS / 50)).rename(tmp_path / "good.csv")
+    bad = write_table(time=np.round(ROWS * 0.02, 1), q=np.sin(ROWS / 50)).rename(tmp_path / "bad.csv")
+    spec = RecordingSpec("one", (*SPEC.channels, ChannelSpec("q/velocity", "rad/s", "state")), (), 50.0)
+    log_map = parse_map(
+        '[map]\n[channels.q]\nsource = "q"\nunit = "rad"\n'
+        '[channels."q/velocity"]\nderivative_of = "q"\nfilter_hz = 10.0\n'
+    )
+    for logs in ([bad], [good, bad]):
+        with pytest.raises(LogError) as caught:
+            read_recording(logs, spec, log_map)
+        assert caught.value.problem.startswith("bad.csv: ") and "written to 0.1 s" in caught.value.problem
+        assert caught.value.do.startswith("write them with more digits")
+        (found,) = doctor(logs, spec, log_map)
+        assert (found.where, found.severity) == ("bad.csv", "error")

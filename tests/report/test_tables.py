@@ -8,11 +8,13 @@ import pytest
 from rich.console import Console
 
 from dynreg.cli.output import console
+from dynreg.report import doctor
 from dynreg.report.grid import table
 from dynreg.report.html import page
 from dynreg.report.neighbours import comparison, next_steps, refusal, verdict
 from dynreg.report.tables import render
 from dynreg.results import Gain, Result
+from dynreg.results.doctor import LogFinding, LogFindings
 
 
 def text_of(result: Result) -> str:
@@ -174,3 +176,18 @@ def test_no_number_is_broken_where_names_can_be(width: int) -> None:
     assert max(map(len, lines)) <= width
     (line,) = (line for line in lines if "4.32e-05" in line)
     assert {"0.000734", "4.32e-05", "0.00123", "12.3", "rad"} <= {*line.split()}
+
+
+CLAUSES = {  # the message of a finding: (the problem, what to do) of the error
+    "1 samples; at least 2 are needed": ("1 samples; at least 2 are needed", "mend the log or its map"),
+    "reaches 90 rad; degrees?; set `unit`": ("reaches 90 rad; degrees?", "set `unit`"),
+    "holds no number at all": ("holds no number at all", "mend the log or its map"),
+}
+
+
+@pytest.mark.parametrize("message", CLAUSES)
+def test_the_last_clause_of_a_finding_is_advice_only_where_it_says_what_to_do(message: str):
+    found = LogFinding(severity="error", check="short", where="a.csv", message=message)
+    error = doctor.refusal(LogFindings(logs=("a.csv",), robot=None, usable=False, findings=(found,)))
+    problem, do = CLAUSES[message]
+    assert (error.problem, error.do) == (f"a.csv: {problem}", do)

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 
 from dynreg.data.base_frame import check_frame
 from dynreg.data.checks.clock import check_clocks
-from dynreg.data.checks.commands import check_commands
+from dynreg.data.checks.commands import check_commands, check_targets
 from dynreg.data.checks.motion import stuck, velocities
 from dynreg.data.checks.numbers import check_numbers, check_range, check_spikes
 from dynreg.data.episodes import RawEpisode
@@ -51,6 +51,7 @@ def check_episode(episode: RawEpisode, spec: RecordingSpec, gap: float) -> tuple
     findings += velocities(episode, where)
     findings += check_frame(episode, where)
     findings += _short(episode, spec, where)
+    findings += check_targets(episode, spec, where)
     findings += check_commands(episode, spec, where)
     return tuple(findings)
 

@@ -62,7 +62,9 @@ def check_clocks(
         time = channels[names[0]].time
         here = f"{where}, {names[0]}{more}"
         if not only_gaps:
-            yield from check_clock(time, here, counting, coarse([channels[name] for name in names]))
+            repeats = bool((np.diff(time) == 0).any())
+            rounded = coarse([channels[name] for name in names]) if repeats else ""
+            yield from check_clock(time, here, counting, rounded)
         if gap is not None:
             yield from check_gaps(time, here, gap, counting)
 
@@ -121,6 +123,8 @@ def coarse(signals: Iterable[Series]) -> str:
     are those of a clock that stops.
     """
     for signal in signals:
+        if not (np.diff(signal.time) == 0).any():
+            continue
         known = signal.rows(np.isfinite(signal.values) & np.isfinite(signal.time))
         steps = np.diff(known.time)
         equal, moving = steps == 0, steps[steps > 0]
@@ -131,14 +135,25 @@ def coarse(signals: Iterable[Series]) -> str:
         missed = np.abs(moving / least - np.round(moving / least)).max()
         if longest_run(equal)[1] > ALIKE * often or missed > WHOLE:
             continue
-        first, *_, last = np.flatnonzero(steps > 0) + 1
-        every = f"{(known.time[last] - known.time[first]) / (last - first):.2g}"
+        changed = np.flatnonzero(steps > 0) + 1
+        rows = int(changed[-1] - changed[0])
+        every = _shortest((known.time[changed[-1]] - known.time[changed[0]]) / rows, rows)
         return (
             f"{int(equal.sum())} of {len(known)} stamps repeat the one before: they are written to {least:.3g} s, and "
             f"rows come about every {every} s; write them with more digits or, if rows come evenly, as the number of "
             f"the row times {every}"
         )
     return ""
+
+
+def _shortest(step: float, rows: int) -> str:
+    """The fewest digits of a step that over so many rows miss less than one of them: no more is known.
+
+    >>> _shortest(0.0105261, 2000), _shortest(0.007987, 297)
+    ('0.01053', '0.008')
+    """
+    texts = (f"{step:.{digits}g}" for digits in range(1, 17))
+    return next((text for text in texts if abs(float(text) - step) * rows < step), f"{step:g}")
 
 
 def doubted(time: np.ndarray, counting: Counting | None) -> Doubt | None:
@@ -182,7 +197,17 @@ def _rates(step: float, units: Sequence[str]) -> dict[str, float]:
 
 def quickest(log: RawLog) -> np.ndarray:
     """The stamps (T,) [s] of a log's quickest clock, which tells the unit: slow signals may stand beside quick ones."""
-    return min((s.time for s in log.sources.values() if len(s) > 2), key=_step_known, default=np.zeros(0))
+    return min(_clocks(log), key=_step_known, default=np.zeros(0))
+
+
+def _clocks(log: RawLog) -> list[np.ndarray]:
+    """The stamps (T,) [s] of each clock of a log, once however many signals share it."""
+    alike: dict[tuple[float, ...], list[np.ndarray]] = {}
+    for time in (series.time for series in log.sources.values() if len(series) > 2):
+        others = alike.setdefault((len(time), time[0], time[-1]), [])
+        if not any(time is other or np.array_equal(time, other) for other in others):
+            others.append(time)
+    return [time for some in alike.values() for time in some]
 
 
 def _step_known(time: np.ndarray) -> float:

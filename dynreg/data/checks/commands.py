@@ -1,12 +1,15 @@
-"""Commands that change more often than the robot's control rate has rows for."""
+"""Commands that change more often than the robot's control rate has rows for, and targets that are no angles."""
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from dynreg.data.checks.clock import FASTEST, coarse
+from dynreg.data.checks.numbers import check_range
 from dynreg.data.episodes import RawEpisode
+from dynreg.data.names import joint_of
 from dynreg.data.schema import RecordingSpec
 from dynreg.data.series import Finding, Series
 
@@ -39,6 +42,23 @@ def check_commands(episode: RawEpisode, spec: RecordingSpec, where: str) -> Iter
         f"are dropped; {do}"
     )
     yield Finding("warning", "rate", f"{where}, {name}", text)
+
+
+def check_targets(episode: RawEpisode, spec: RecordingSpec, where: str) -> Iterator[Finding]:
+    """Targets so far beyond the stops of their joint that positions there would be refused: another unit.
+
+    What has limits of its own is checked against these.
+    """
+    stops = {joint_of(c.name): c.stops for c in spec.channels if c.stops is not None}
+    for channel in spec.channels:
+        series, ends = episode.channels.get(channel.name), stops.get(joint_of(channel.name))
+        limited = channel.low is not None or channel.high is not None
+        if channel.kind != "action" or channel.unit != "rad" or limited or series is None or ends is None:
+            continue
+        alike = replace(channel, kind="state", stops=ends)
+        yield from (
+            f for f in check_range(series, alike, f"{where}, {channel.name}") if f.severity == "error"
+        )
 
 
 def step_within(rate: float) -> float:

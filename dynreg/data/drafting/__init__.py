@@ -1,11 +1,22 @@
 """A map drafted from what a log holds: the sources that look like a robot's channels, to be read and corrected."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 
 from dynreg.data.checks.clock import likely_units
 from dynreg.data.clock_names import UNITS_OF_TIME
 from dynreg.data.drafting.bases import of_base
-from dynreg.data.drafting.joints import by_index, by_words, called, joints_of, of_joint, owned, unread
+from dynreg.data.drafting.joints import (
+    Named,
+    by_index,
+    by_words,
+    called,
+    joints_of,
+    nameless,
+    of_joint,
+    owned,
+    unread,
+)
+from dynreg.data.drafting.left_over import left_over
 from dynreg.data.drafting.offers import Offer, offers_of
 from dynreg.data.drafting.proposed import proposed
 from dynreg.data.drafting.source import Source
@@ -55,20 +66,7 @@ def _by_its_steps(log: RawLog) -> RawLog:
 
 def _sources(offers: tuple[Offer, ...], spec: RecordingSpec, also: Mapping[str, str]) -> dict[str, Source]:
     """{channel: Source} of those that are found."""
-    mine, out = owned(offers, joints_of(spec)), {}
-    others = called(offers, mine, also)
-    for channel in spec.channels:
-        source = (
-            of_base(offers, channel)
-            or of_joint(mine, channel)
-            or by_index(offers, channel, spec)
-            or by_words(offers, channel)
-            or of_joint(
-                others, channel, f"by the name {also.get(joint_of(channel.name))!r}, the actuator's; check it"
-            )
-        )
-        if source is not None:
-            out[channel.name] = source
+    out = _found(offers, spec, also)
     signals = {o.source: o for o in offers}
     chosen = {name: signals[s.keys["source"]] for name, s in out.items() if "unit" in s.keys}
     units = {name: str(out[name].keys["unit"]) for name in chosen}
@@ -79,6 +77,35 @@ def _sources(offers: tuple[Offer, ...], spec: RecordingSpec, also: Mapping[str, 
         note = f"[{item}] is no unit that is known: taken for {unit}, correct `unit` or set `scale`"
         out[name] = out[name].told(note)
     return {**out, **_rates(chosen, spec, out)}
+
+
+def _but(named: Named, gone: Set[object]) -> Named:
+    """What names a joint, without the signals that are gone."""
+    return [(offer, rest) for offer, rest in named if offer.source not in gone]
+
+
+def _found(offers: tuple[Offer, ...], spec: RecordingSpec, also: Mapping[str, str]) -> dict[str, Source]:
+    """{channel: Source} by names and places. A signal is one state, or one command; inputs and flags may share it."""
+    mine, out = owned(offers, joints_of(spec)), {}
+    others, unnamed = called(offers, mine, also), nameless(offers, mine)
+    taken: set[object] = set()
+    for channel in spec.channels:
+        joint, single = joint_of(channel.name), channel.kind in ("state", "action")
+        gone = taken if single else set()
+        told = f"by the name {also.get(joint)!r}, the actuator's; check it"
+        source = (
+            of_base(offers, channel)
+            or of_joint(_but(mine.get(joint, ()), gone), channel)
+            or by_index(offers, channel, spec)
+            or by_words(offers, channel)
+            or of_joint(_but(others.get(joint, ()), gone), channel, told)
+            or of_joint(_but(unnamed, gone), channel)
+        )
+        if source is not None:
+            out[channel.name] = source
+            if single and not source.measured:
+                taken.add(str(source.keys["source"]))
+    return {**out, **left_over(offers, spec, out)}
 
 
 def _rates(chosen: dict[str, Offer], spec: RecordingSpec, found: dict[str, Source]) -> dict[str, Source]:

@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 
 from dynreg.data.drafting.offers import Offer
 from dynreg.data.drafting.source import Source, best
-from dynreg.data.drafting.units import KINDS
-from dynreg.data.names import joint_of, parts_of, quantity_of
+from dynreg.data.drafting.units import KINDS, bare
+from dynreg.data.names import joint_of, quantity_of
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.words import core, quantity, strange, without, words
 
+Named = Sequence[tuple[Offer, tuple[str, ...]]]  # offers that name a joint, and the words beside its name
 Owned = Mapping[str, list[tuple[Offer, tuple[str, ...]]]]
 
 
@@ -95,13 +96,16 @@ def unread(offers: Sequence[Offer], chosen: Mapping[str, Offer], also: Mapping[s
     }
 
 
-def of_joint(owned: Owned, channel: ChannelSpec, *notes: str) -> Source | None:
-    """The signal that names the channel's joint and measures, or commands, the same; with notes on it."""
-    joint, what = parts_of(channel.name)
+def of_joint(named: Named, channel: ChannelSpec, *notes: str) -> Source | None:
+    """The signal of those that name the channel's joint which measures, or commands, the same; with notes on it.
+
+    A name that tells the joint alone is that of its position, unless its unit is another quantity's.
+    """
+    what = quantity_of(channel.name)
     wanted = quantity(words(what)) if channel.kind != "action" else None
     wanted = wanted or KINDS.get(channel.unit)
     rated = []
-    for offer, rest in owned.get(joint, ()):
+    for offer, rest in named:
         told = quantity(rest, offer.topic)
         measured_command = channel.kind == "action" and not offer.command
         if offer.command and channel.kind in ("state", "input"):
@@ -110,11 +114,25 @@ def of_joint(owned: Owned, channel: ChannelSpec, *notes: str) -> Source | None:
             continue
         if told not in (None, wanted) or told is None and (channel.kind == "enable" or strange(rest)):
             continue
+        if told is None and not offer.command and bare(offer) != (wanted or "position"):
+            continue
         cost = strange(rest) + 2 * measured_command + (told is None and channel.kind != "action")
         rated.append((cost, offer))
     if channel.kind == "enable":
         rated = [(c, o) for c, o in rated if quantity(o.words, o.topic) == "enable"]
     return best(rated, channel, *notes)
+
+
+def nameless(offers: Sequence[Offer], mine: Owned) -> Named:
+    """Columns that tell a quantity or a command, and no joint: they are those of the joint of a robot with one."""
+    taken = {offer.source for named in mine.values() for offer, _ in named}
+    return [
+        (offer, offer.words)
+        for offer in offers
+        if len(mine) == 1
+        and not (offer.topic or offer.item or offer.source in taken or strange(offer.words))
+        and (offer.asked or quantity(offer.words) is not None)
+    ]
 
 
 def by_index(offers: Sequence[Offer], channel: ChannelSpec, spec: RecordingSpec) -> Source | None:

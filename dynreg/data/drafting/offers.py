@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from dynreg.data.series import RawLog, Series
 from dynreg.data.units import unit_called
-from dynreg.data.words import COMMANDS, MEASURED, words
+from dynreg.data.words import COMMANDS, MEASURED, asks, words
 
 _BRACKETS = re.compile(r"(.+?)\s*[\[(]([^\[\]()]+)[\])]")
 
@@ -47,7 +47,7 @@ class Offer:
     @property
     def asked(self) -> bool:
         """Whether the name below its topic says so."""
-        return not COMMANDS.isdisjoint((*words(self.path), *self.words))
+        return asks(words(self.path)) or asks(self.words)
 
     @property
     def header(self) -> bool:

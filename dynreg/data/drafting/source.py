@@ -14,13 +14,15 @@ class Source:
     """Where a channel of a drafted map comes from.
 
     keys : what its table in the map says, in order. notes : comments to it; `ambiguous` where another source fits as
-    well. measured : it is a command, and the log has only what was measured of it.
+    well. measured : it is a command, and the log has only what was measured of it. guessed : it is a command that only
+    nothing else in the log could be.
     """
 
     keys: Mapping[str, object]
     notes: tuple[str, ...] = ()
     ambiguous: bool = False
     measured: bool = False
+    guessed: bool = False
 
     def told(self, *notes: str, **keys: object) -> "Source":
         """The source with other keys, and with more notes."""

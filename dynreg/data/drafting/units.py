@@ -1,6 +1,7 @@
 """Which unit a signal is in, and how often it comes: of what the log states, of names and of numbers."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -19,6 +20,10 @@ FILTER_SHARE = 0.2  # its most, as a share of the sampling rate
 # Times that an angle in deg goes as far as one of the same joint in rad, at least: the units differ by 57.
 APART = 20.0
 BEYOND_LIMITS = "reaches {:.4g}, far beyond the joint's limits in rad: taken for degrees"
+ASKED = "counts of an encoder?"
+COUNTS = f"reaches {{:.4g}}{{}}: {ASKED} set scale = ... (radians per count){{}}"
+IMPOSSIBLE = 1.5  # times its limit that no joint goes, in whatever unit
+STEPS = 20  # values of a signal of whole numbers from which on these are many
 AS_OTHERS = "other angles of the log are in degrees: taken for degrees too, check it"
 KINDS = {  # of a unit, what it measures
     "rad": "position",
@@ -44,6 +49,16 @@ def unit_of(offer: Offer, channel: ChannelSpec) -> str | None:
     return unit
 
 
+def bare(offer: Offer) -> str:
+    """What a signal measures whose name tells a joint and no quantity: what its unit tells, else a position."""
+    named = [kind for w in offer.words for kind in UNIT_WORDS.get(w, ())]
+    for unit, kind in KINDS.items() if offer.series.unit else ():
+        with suppress(MapError):
+            conversion(offer.series.unit, unit)
+            return kind
+    return "position" if "position" in named or not named else named[0]
+
+
 def degrees(
     chosen: Mapping[str, Offer], units: Mapping[str, str], channels: Sequence[ChannelSpec]
 ) -> dict[str, tuple[str, str]]:
@@ -52,7 +67,8 @@ def degrees(
     An angle is taken for degrees where it goes far beyond the joint's limits, and a velocity where it is the rate of a
     position in degrees. What has no limits may turn for ever (a wheel, a heading), and ROS has angles in rad (REP 103).
     Where one angle goes so far and is no glitch, the others of the table are in degrees too, however small: but for
-    what its own joint contradicts.
+    what its own joint contradicts. What would go too far in degrees too, or has whole numbers, is asked about: such
+    angles stay as they are.
     chosen : {channel: offer} of the channels that have one. units : theirs.
     """
     reach = _reach(channels)
@@ -64,11 +80,14 @@ def degrees(
     angles = {name: series for name, series in doubted.items() if units[name] == "rad"}
     most = {name: BEYOND * reach.get(joint_of(name), np.inf) for name in angles}
     far = {name: largest(series) for name, series in angles.items() if largest(series) > most[name]}
+    counted = _counted({name: angles[name] for name in far}, reach)
+    out = {name: (units[name], why) for name, why in counted.items()}
+    far = {name: size for name, size in far.items() if name not in counted}
     whole = any(_usual(angles[name]) > most[name] for name in far)
-    out = {name: ("deg", BEYOND_LIMITS.format(size)) for name, size in far.items()}
+    out |= {name: ("deg", BEYOND_LIMITS.format(size)) for name, size in far.items()}
     for name, series in angles.items():
         beside = max((size for other, size in far.items() if joint_of(other) == joint_of(name)), default=0.0)
-        if whole and name not in far and beside <= APART * largest(series):
+        if whole and name not in out and beside <= APART * largest(series):
             out[name] = ("deg", AS_OTHERS)
     told = {**units, **{name: unit for name, (unit, _) in out.items()}}
     for name, velocity in doubted.items():
@@ -81,6 +100,32 @@ def degrees(
         elif whole and not (slope is not None and _alike(np.degrees(slope))):
             out[name] = ("deg/s", AS_OTHERS)
     return out
+
+
+def _counted(far: Mapping[str, Series], reach: Mapping[str, float]) -> dict[str, str]:
+    """{angle: what is asked about it} of those of angles far beyond their limits [rad] that may be an encoder's counts.
+
+    Degrees may be whole numbers too, but nothing tells that: all are asked about where all are such numbers.
+    """
+    out = {}
+    every = all(_whole(series) for series in far.values())
+    over = {
+        joint_of(name)
+        for name, s in far.items()
+        if _usual(s) > IMPOSSIBLE * np.degrees(reach[joint_of(name)])
+    }
+    for name, series in far.items():
+        if joint_of(name) in over:
+            out[name] = COUNTS.format(largest(series), ", which the joint cannot do in degrees either", "")
+        elif every:
+            out[name] = COUNTS.format(largest(series), " in whole numbers", ', or unit = "deg"')
+    return out
+
+
+def _whole(series: Series) -> bool:
+    """Whether a signal has whole numbers alone, and many of them."""
+    values = series.values[np.isfinite(series.values)]
+    return bool((values == np.round(values)).all()) and len(np.unique(values)) >= STEPS
 
 
 def _alike(slope: float) -> bool:

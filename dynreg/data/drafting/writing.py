@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from dynreg.data.checks.clock import likely_units, quickest, usual_step
+from dynreg.data.checks.clock import doubted, likely_units, quickest, usual_step
+from dynreg.data.drafting.left_over import EPISODE_COLUMNS, used
 from dynreg.data.drafting.offers import offers_of
 from dynreg.data.drafting.source import Source
 from dynreg.data.maps import DEFAULT_GAP, LogMap, parse_map
@@ -11,7 +12,6 @@ from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.series import RawLog
 from dynreg.tomlfile import literal
 
-EPISODE_COLUMNS = ("episode", "episode_index", "episode_id", "run", "trial")
 PATIENT = 3.0  # usual steps of a slow log that are no gap
 
 
@@ -71,7 +71,10 @@ def _head(log: RawLog, robot: str) -> list[str]:
 
 
 def _unit(log: RawLog) -> str:
-    """The line of the clock's unit: a comment where neither the log's names nor its steps tell it."""
+    """The line of the clock's unit: a comment where neither the log's names nor its steps tell one that can be."""
+    doubt = doubted(quickest(log), log.counting)
+    if doubt is not None and not doubt.rates and log.counting is not None:
+        return f"# time_unit = {literal(log.counting.unit)}    # {doubt.said}; {doubt.do}"
     likely, *others = map(literal, likely_units(log))
     if others:
         return f"# time_unit = {likely}    # or {' or '.join(others)}: its steps do not tell which"
@@ -111,13 +114,10 @@ def _episodes(log: RawLog) -> list[str]:
 
 def _unused(draft: Draft) -> list[str]:
     """What else the log holds, one line a group."""
-    used: set[object] = {*EPISODE_COLUMNS}
-    for source in draft.sources.values():
-        names = source.keys.get("source")
-        used |= {*names} if isinstance(names, list) else {names, *(f"{names}.{p}" for p in "wxyz")}
+    taken = {*EPISODE_COLUMNS, *used(draft.sources)}
     groups: dict[str, list[str]] = {}
     for offer in offers_of(draft.log):
-        if offer.source not in used and not offer.header:
+        if offer.source not in taken and not offer.header:
             groups.setdefault(offer.topic or offer.source, []).append(offer.source)
     if not groups:
         return []

@@ -13,6 +13,7 @@ from dynreg.data.clock_names import (
     CLOCK_WORDS,
     LONGER,
     UNITS_OF_TIME,
+    halves,
     is_clock,
     likelihood,
     longer_unit,
@@ -93,7 +94,9 @@ def time_column(
     names : of all columns, where `columns` are those that hold numbers. labels : columns of text. Raises MapError where
     the log lacks the map's clock, LogError where it has none or that holds no numbers.
     """
-    usual = sorted(filter(is_clock, dict.fromkeys((*columns, *names))), key=likelihood)
+    named = [*dict.fromkeys((*columns, *names))]
+    parts = halves(named) or ()
+    usual = sorted((name for name in named if is_clock(name) and name not in parts), key=likelihood)
     wanted = [options.time] if options.time else usual
     for name in wanted:
         if name in columns:
@@ -103,11 +106,19 @@ def time_column(
         raise _no_numbers(path, held, (labels or {}).get(held))
     every = [*(names or columns)]
     if options.time:
-        without = f", or leave it and `time_unit` out: {usual[0]!r} is then the clock" if usual else ""
+        read = next((name for name in usual if longer_unit(name) is None), None)
+        without = f", or leave it and `time_unit` out: {read!r} is then the clock" if read else ""
         raise MapError(
             f"{path.name!r} has no column {options.time!r}, which the map names as the clock",
             expected=f"a column of the log, {one_of(every, options.time)}",
             do=f"correct `time` under [map]{without}",
+        )
+    if parts:
+        whole, rest = parts
+        raise LogError(
+            f"{path.name!r} has its stamps in two columns: {whole!r} holds whole seconds alone, {rest!r} the rest",
+            expected="one clock",
+            do=f"add the two: {whole} + 1e-9 * {rest}, in a column called time",
         )
     raise LogError(
         f"{path.name!r} has no column that looks like time among {len(every)}: {', '.join(map(repr, every[:LISTED]))}",

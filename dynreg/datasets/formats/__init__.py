@@ -11,7 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dynreg.errors import UsageError, quoted
+from dynreg.errors import UsageError, one_of
 
 if TYPE_CHECKING:
     from dynreg.datasets.export import Export
@@ -231,7 +231,5 @@ def predict(entry, states, actions, context=about["usual"]):
 def format_of(word: str) -> Format:
     """The row of a form; UsageError where there is none."""
     if word not in FORMATS:
-        raise UsageError(
-            f"form {word!r} of a dataset", expected=f"one of {quoted(FORMATS)}", do="choose one of them"
-        )
+        raise UsageError(f"form {word!r} of a dataset", expected=one_of(FORMATS), do="choose one of them")
     return FORMATS[word]
