@@ -11,6 +11,7 @@ from dynreg.errors import RobotError
 from dynreg.extend.carry import Fields, carries
 from dynreg.sim.effects import Term, Terms
 from dynreg.sim.layout import Layout, filters, layout_of
+from dynreg.sim.mjcf import keep_general
 from dynreg.sim.ports import Ports, ServoLaw, servo_law, takes_positions
 from dynreg.sim.robot import Robot
 from dynreg.sim.sets import is_limit
@@ -77,6 +78,9 @@ def write_mjcf(robot: Robot, values: np.ndarray, terms: Terms, path: Path) -> No
     _shape_actuators(robot, spec, layout, law, size, step)
     write_drives(robot, fields, law, size)
     model = spec.compile()
+    if model.body_simple[1:].any():  # as the simulator's model, whose bodies parameters may move
+        keep_general(spec)
+        model = spec.compile()
     _begin_at_keyframes(spec, model, layout, fields)
     for name, array in fields.changed.items():
         owner, field = (model.opt, name[4:]) if name.startswith("opt.") else (model, name)

@@ -44,9 +44,27 @@ def compile_model(files: Mapping[str, bytes], model: str):
         with mujoco.MjVfs() as given:
             for name, data in files.items():
                 given[f"{ROOT}/{name}"] = data
-            return mujoco.MjModel.from_xml_path(f"{ROOT}/{model}", vfs=given)
+            made = mujoco.MjModel.from_xml_path(f"{ROOT}/{model}", vfs=given)
+            # else what moves a centre of mass, or an axis, would be refused: a box on one slide is such a body
+            if made.body_simple[1:].any():
+                spec = mujoco.MjSpec.from_file(f"{ROOT}/{model}", vfs=given)
+                keep_general(spec)
+                made = spec.compile(given)
+            return made
     except (ValueError, RuntimeError, mujoco.FatalError) as problem:
         raise _refused(model, str(problem)) from None
+
+
+def keep_general(spec) -> None:
+    """Let no body of a mujoco.MjSpec be compiled as a "simple" one, whose inertia is taken to be diagonal for good.
+
+    MuJoCo does so where a body's frame is that of its inertia, and then refuses values of `body_ipos` and the like that
+    belong to another: those of some parameters and effects. What flexes are made of stays; nothing here moves it.
+    """
+    flexed = {name for flex in spec.flexes for name in (*flex.vertbody, *flex.nodebody)}
+    for body in spec.bodies:
+        if body.name not in flexed:
+            body.simple = 0
 
 
 def _refused(model: str, told: str) -> RobotError:

@@ -20,14 +20,15 @@ class Run:
     initial : (E, S) state to start from, NaN where it is not known; None starts from the robot's reset pose.
     velocity : (E, 2) speed [m/s] and yaw rate [rad/s] that planar bases start with where no channel of `initial` tells
         them; NaN or None for a start at rest, or from what was told `before`.
-    before : (E, L, A) commands of the rows before the first, NaN where they are not known; None for none. Delays look
-        back at them, and planar bases start with the velocity that their own lags make of them, from standstill.
+    before : (E, L, A) commands of the rows before the first, NaN where they are not known; None for none. Delays and
+        lags look back at them, and planar bases start with the velocity that their own lags make of them, from
+        standstill.
     period : seconds between commands; None takes each simulator's own command rate.
     noise : (E, T, A), or (B, E, T, A) as the actions: standard normal draws for the motor noise; None runs without it.
     draws : in the same shapes, what effects read as `Moment.draw`: what disturbs hidden robots; None for 0.
     begin : (E,) seconds from the start of the log to that of each episode; None starts them all at once. What reads
         `Moment.time`, such as `friction_drift`, goes on from there; what is in `Moment.memory` (heat, the place in a
-        play) begins anew.
+        play) begins anew, but for what follows from `before` alone.
     joints : the driven joints that are looked at; None for all. An engine in which joints move alone leaves the
         others out, and their channels are NaN.
     """

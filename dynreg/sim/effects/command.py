@@ -22,6 +22,7 @@ class CommandDelay(OfAnyDrive):
     group = "time shift"
     near = ("command_lag", "sensor_delay")
     separate_by = "a hardware loop-back: log when the drive itself sees the command"
+    recalls = True
 
     def command(self, u: np.ndarray, x: Moment, p: Values) -> np.ndarray:
         return x.past(p["delay"])
@@ -36,6 +37,7 @@ class CommandGain(OfAnyDrive):
     )
     near = ("encoder_scale",)
     separate_by = "hold three distant targets without load and measure the angles by hand"
+    recalls = True
 
     def alone(self, robot: Robot) -> bool:
         return robot.file.base is None  # one wheel's is `wheel_gain` and half of both wheels'
@@ -110,6 +112,7 @@ class CommandLag(OfAnyDrive):
     parameters = (EffectParameter("time", "s", "time constant", 0.005, 0.012, 0.030, 0.5),)
     near = ("command_delay", "joint_elasticity")
     separate_by = "a chirp: a lag damps fast commands, a delay does not"
+    recalls = True  # a log that begins in motion begins within its transients
 
     def command(self, u: np.ndarray, x: Moment, p: Values) -> np.ndarray:
         last = x.memory.get("u")

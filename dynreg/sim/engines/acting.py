@@ -1,7 +1,7 @@
 """Effects at work in an engine: which simulations have them, what they see, when they are called."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -158,6 +158,25 @@ def on(active: list[Acting], port: str) -> list[Acting]:
     return [a for a in active if getattr(a.effect, port) is not None]
 
 
+def recall(active: list[Acting], clock: "Clock") -> None:
+    """Let the effects that look at commands alone remember those told before the run; `prepare` the terms after it.
+
+    Else a lag would begin each window of a log on its first command, and a fit would find it too short.
+    """
+    telling = [a for a in on(active, "command") if a.effect.recalls]
+    if clock.before is None or not telling:
+        return
+    whole = replace(clock, h=clock.period)  # a command at once: within it nothing changes
+    whole.show(telling)
+    for step in range(-clock.before.shape[1], 0):
+        whole.step = step
+        u = whole.told[:, step].copy()
+        for a in telling:
+            u[a.where] = a.effect.command(u[a.where], a.moment, a.values)
+        if not any(a.moment.memory for a in telling):
+            break
+
+
 @dataclass
 class Clock:
     """Where a rollout is: command step, substep, and the commands so far; for delays and drifts.
@@ -211,17 +230,21 @@ class Clock:
         rows = np.arange(len(self.commands))[a.rows]
         period, h, first = self.period[a.rows, None], self.h[a.rows, None], self._first[a.rows, None]
         late, early, share = shares(self.step, self.substep, period, h, delay, first)
-        told = self.commands if self.before is None else self._told
-        now, before = (told[rows[:, None], command, a.joints] for command in (late, early))
+        now, before = (self.told[rows[:, None], command, a.joints] for command in (late, early))
         return share * now + (1.0 - share) * before
 
     @cached_property
     def _first(self) -> np.ndarray:
         return first_known(self.before, len(self.period))
 
+    @property
+    def told(self) -> np.ndarray:
+        """(n, T + L, A) the commands, then those told before them: -1 is the last of these."""
+        return self.commands if self.before is None else self._told
+
     @cached_property
     def _told(self) -> np.ndarray:
-        return np.concatenate([self.commands, self.before], axis=1)
+        return with_before(self.commands, self.before, self._first)
 
 
 def begun(begin: Any, step: Any, substep: Any, period: Any, h: Any) -> Any:
@@ -238,6 +261,14 @@ def first_known(before: np.ndarray | None, simulations: int) -> np.ndarray:
         return np.zeros(simulations)
     unknown = np.isnan(before).any(axis=2)[:, ::-1]
     return -np.where(unknown.any(axis=1), unknown.argmax(axis=1), before.shape[1]).astype(float)
+
+
+def with_before(commands: np.ndarray, before: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """(n, T + L, A) commands (n, T, A), then those before them; what is not known was as the `first_known`."""
+    whole = np.concatenate([commands, before], axis=1)
+    known = np.maximum(np.arange(-before.shape[1], 0), first[:, None]).astype(int)
+    whole[:, commands.shape[1] :] = whole[np.arange(len(whole))[:, None], known]
+    return whole
 
 
 def shares(step: Any, substep: Any, period: Any, h: Any, delay: Any, first: Any) -> tuple[Any, Any, Any]:

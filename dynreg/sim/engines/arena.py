@@ -10,7 +10,16 @@ from mujoco.batch import Batch
 from dynreg.errors import SimulationError
 from dynreg.sim.beside import own_geoms
 from dynreg.sim.effects import Moment, Terms
-from dynreg.sim.engines.acting import Clock, acting, clock_of, configure_terms, observed, on, with_drives
+from dynreg.sim.engines.acting import (
+    Clock,
+    acting,
+    clock_of,
+    configure_terms,
+    observed,
+    on,
+    recall,
+    with_drives,
+)
 from dynreg.sim.engines.alone import Alone
 from dynreg.sim.engines.diverged import diverged, too_fast
 from dynreg.sim.engines.mujoco_model import (
@@ -194,12 +203,24 @@ class Simulations:
         self._used = True
         q = batch.bind("qpos")[:, self.layout.action_qpos]
         commands = told(self.layout, self.ports, run, q)
-        if (
-            self._placed
-        ):  # on the way: a filter holds what was told before, of which the first command is the nearest
-            drives, places = self._filters
-            batch.bind("act")[:, places] = commands[:, 0, drives]
-        return self.steps(commands, run.draws, told_before(self.layout, run))
+        steps = self.steps(commands, run.draws, told_before(self.layout, run))
+        if self._placed:  # on the way: a filter holds what was told before
+            self._fill(steps.clock)
+        recall(self._active, steps.clock)
+        return steps
+
+    def _fill(self, clock: Clock) -> None:
+        """Let the actuators' own filters hold what the commands before made of them, without effects on these."""
+        drives, places = self._filters
+        at = self.layout.action_actuator[drives]
+        lag = self._batch.expand("actuator_dynprm")[:, at, 0] if len(at) else np.ones((1, 0))
+        keep = np.exp(-self._period[:, None] / np.maximum(lag, 1e-9))
+        first = 0 if clock.before is None else -clock.before.shape[1]
+        held = clock.told[:, first, drives]
+        for step in range(first, 0):
+            told = clock.told[:, step, drives]
+            held = told + keep * (held - told)
+        self._batch.bind("act")[:, places] = held
 
     def steps(
         self, commands: np.ndarray, draws: np.ndarray | None = None, before: np.ndarray | None = None

@@ -26,14 +26,14 @@ _plain = njit(error_model="numpy", boundscheck=False)
 _read, _written = types.Array(types.float64, 3, "A", readonly=True), types.float64[:, :, ::1]
 _signature = types.void(
     types.int64[:, ::1], types.int64[::1], types.int64[:, ::1], types.int64[::1], types.int64[::1],
-    types.float64, types.float64[:, ::1], types.float64[:, ::1], _read, types.int64[:, ::1], types.float64[:, :, ::1],
-    _read, _written, _written,
+    types.int64[::1], types.float64, types.float64[:, ::1], types.float64[:, ::1], _read, types.int64[:, ::1],
+    types.float64[:, :, ::1], _read, _written, _written,
 )
 """
 _TAIL = """
 sine, exponential, ago = _plain(sine), _plain(exponential), _plain(ago)
 obey, listen, press, remember = _plain(obey), _plain(listen), _plain(press), _plain(remember)
-turn, advance = _plain(turn), _plain(advance)
+turn, advance, load, recall = _plain(turn), _plain(advance), _plain(load), _plain(recall)
 run = njit(_signature, nogil=True, cache={cache}, error_model="numpy", boundscheck=False)(run)
 """
 
@@ -79,17 +79,20 @@ def source(kinds: Sequence[Traced]) -> str:
     parts = [Path(joint_kernel.__file__).read_text(encoding="utf-8"), _HEAD]
     parts.append("@_plain\ndef law(x, n):\n    for k in range(n):\n" + _block(traced_law(), 8))
     for port in PORTS:
-        acting = [(i, *body[1:]) for i, one in enumerate(kinds) for body in one.bodies if body[0] == port]
+        acting = [
+            (i, one, *body[1:]) for i, one in enumerate(kinds) for body in one.bodies if body[0] == port
+        ]
         parts += [_function(port, *one) for one in acting]
         parts.append(_dispatch(port, [one[0] for one in acting]))
     return "\n\n".join(parts) + _TAIL.format(cache=True)
 
 
-def _function(port: str, number: int, first: Sequence[str], later: Sequence[str]) -> str:
+def _function(port: str, number: int, one: Traced, first: Sequence[str], later: Sequence[str]) -> str:
     lines = [f"@_plain\ndef {port}_{number}({_ARGUMENTS.replace('kinds, places', 'own')}):"]
     if first == later:
         return "\n".join([*lines, "    for k in range(n):", _block(later, 8)])
-    told = ["    if first:", "        for k in range(n):", _block(first, 12)]
+    begins = "first == 1" if one.recalls and port == "command" else "first"
+    told = [f"    if {begins}:", "        for k in range(n):", _block(first, 12)]
     return "\n".join([*lines, *told, "    else:", "        for k in range(n):", _block(later, 12)])
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynreg.sim.engines import joint_kernel
-from dynreg.sim.engines.acting import BACK, Acting
+from dynreg.sim.engines.acting import BACK, Acting, with_before
 from dynreg.sim.engines.compiling import kernel
 from dynreg.sim.engines.tracing import PORTS, Traced, traced
 
@@ -57,11 +57,13 @@ def integrate(joints: Joints, active: Sequence[Acting], drives: np.ndarray, thre
     blocks, order, terms = _blocks(joints.substeps, placed, kinds, count)
     sizes = np.array([one.rows for one in kinds] or [0])
     looking = np.array([int(one.looks) for one in kinds] or [0])
+    recalling = np.array([one.recalls * (2 if one.slots else 1) for one in kinds] or [0])
     draws = np.zeros((n, 0, count)) if joints.draws is None else joints.draws
     moved = np.empty((2, n, steps + 1, count))
-    told = (order, terms, sizes, looking, BACK, given.reshape(len(given), -1), own)
-    told_before = np.zeros((n, 0, count)) if joints.before is None else joints.before
-    commands = np.concatenate([joints.commands, told_before], axis=1)
+    told = (order, terms, sizes, looking, recalling, BACK, given.reshape(len(given), -1), own)
+    commands = joints.commands
+    if joints.before is not None:
+        commands = with_before(commands, joints.before, joints.rows["FIRST"][:, 0])
     # some joints of all are no whole piece of memory, which the kernel wants
     heard, commands, draws = map(np.ascontiguousarray, (joints.heard, commands, draws))
     told = (*told, joints.inputs, heard, commands, draws, *moved)

@@ -87,7 +87,8 @@ def law(x, n):
 def command(x, kinds, places, n, first, commands, sims, drives, step, substep, trail):
     """Let the effects on commands change the row U; traced.
 
-    So are `drive`, of TORQUE, `friction`, `feedback`, of SEEN and SEEN_V, and `encoder`, of AHEAD and FASTER.
+    So are `drive`, of TORQUE, `friction`, `feedback`, of SEEN and SEEN_V, and `encoder`, of AHEAD and FASTER. first : 1
+    in the first time step, 2 where effects that recall have begun before it, else 0.
     """
 
 
@@ -239,7 +240,42 @@ def advance(x, n, kinds, places, apart, first, commands, sims, drives, step, sub
     if apart:
         for k in range(n):
             x[COUNT + k] += 1.0
-        turn(x, kinds, places, n, False, commands, sims, drives, step, substep, trail)
+        turn(x, kinds, places, n, 0, commands, sims, drives, step, substep, trail)
+
+
+def load(x, n, joints, given, own, terms, sizes, places):
+    """Write what n joints are given into x, and the rows of their own that effects have; their first to `places`."""
+    for k in range(n):
+        for row in range(GIVEN):
+            x[row * WIDTH + k] = given[row, joints[k]]
+        at = ROWS
+        for j in range(len(terms)):
+            places[j] = at * WIDTH
+            for row in range(sizes[terms[j, 0]]):
+                x[(at + row) * WIDTH + k] = own[terms[j, 1] + row, joints[k]]
+            at += sizes[terms[j, 0]]
+
+
+def recall(x, kinds, places, recalling, n, commands, sims, drives, told, trail):
+    """Let effects that look at commands alone remember the last `told` of these: those before the run.
+
+    recalling : 0 for kinds that look at more, 2 for those that remember. Whether there was something to remember.
+    """
+    telling, remembers = np.empty(len(kinds), np.int64), False
+    for j in range(len(kinds)):
+        telling[j] = kinds[j] if recalling[kinds[j]] else -1
+        remembers = remembers or recalling[kinds[j]] == 2
+    if not remembers or told == 0:
+        return False
+    for step in range(-told, 0):
+        for k in range(n):
+            x[U + k], x[AFTER + k] = commands[sims[k], step, drives[k]], x[H + k]
+            x[H + k] = x[PERIOD + k]  # each command at once: within it nothing changes
+        first = 1 if step == -told else 0
+        command(x, telling, places, n, first, commands, sims, drives, step, 0, trail)
+        for k in range(n):
+            x[H + k] = x[AFTER + k]
+    return True
 
 
 def run(
@@ -248,6 +284,7 @@ def run(
     terms,
     sizes,
     looking,
+    recalling,
     back,
     given,
     own,
@@ -262,11 +299,11 @@ def run(
 
     blocks : (K, 5) begin and end in `order`, begin and end in `terms`, time steps in a command. order : numbers of
     joints, simulation times drives + drive. terms : (M, 2) kind of an effect, and its first row in `own`. sizes : rows
-    of each kind. looking : whether each changes what a drive's loop or the log sees. back : [s] that a loop looks back.
-    given (GIVEN, J) and own (R, J) : of J joints. inputs : (N, T, I), of which a drive hears the channels heard (2, A),
-    supply and enable; -1 for none. commands (N, T + L, A) : of the run, then the L told before it, so that -1 is the
-    last of these; the row FIRST has the number of the first that is known. draws : (N, T, A). positions, velocities :
-    (N, T+1, A), written.
+    of each kind. looking : whether each changes what a drive's loop or the log sees. recalling : as in `recall`. back :
+    [s] that a loop looks back. given (GIVEN, J) and own (R, J) : of J joints. inputs : (N, T, I), of which a drive
+    hears the channels heard (2, A), supply and enable; -1 for none. commands (N, T + L, A) : of the run, then the L
+    told before it, so that -1 is the last of these; the row FIRST has the number of the first that is known.
+    draws : (N, T, A). positions, velocities : (N, T+1, A), written.
     """
     count, most = commands.shape[2], 0
     for begin, end in blocks[:, 2:4]:
@@ -280,15 +317,8 @@ def run(
         joints = order[lowest:highest]
         sims, drives = joints // count, joints % count
         kinds, places = terms[begin:end, 0], np.empty(end - begin, np.int64)
+        load(x, n, joints, given, own, terms[begin:end], sizes, places)
         for k in range(n):
-            for row in range(GIVEN):
-                x[row * WIDTH + k] = given[row, joints[k]]
-            at = ROWS
-            for j in range(end - begin):
-                places[j] = at * WIDTH
-                for row in range(sizes[kinds[j]]):
-                    x[(at + row) * WIDTH + k] = own[terms[begin + j, 1] + row, joints[k]]
-                at += sizes[kinds[j]]
             positions[sims[k], 0, drives[k]], velocities[sims[k], 0, drives[k]] = x[AT + k], x[V + k]
         apart, kept = False, 1
         for j in range(end - begin):
@@ -298,6 +328,8 @@ def run(
                 kept = max(kept, int(np.ceil(back / x[H + k])) + 2)
                 x[AHEAD + k] = x[FASTER + k] = x[COUNT + k] = 0.0
         trail = np.zeros((1 + kept, 2, WIDTH))
+        told = commands.shape[1] - positions.shape[1] + 1
+        recalled = recall(x, kinds, places, recalling, n, commands, sims, drives, told, trail)
         for step in range(positions.shape[1] - 1):
             if listen(x, n, inputs, heard, sims, drives, step):
                 obey(x, n)
@@ -307,7 +339,7 @@ def run(
                 for k in range(n):
                     x[DRAW + k] = draws[sims[k], step, drives[k]]
             for substep in range(substeps):
-                first = step == 0 and substep == 0
+                first = (2 if recalled else 1) if step == 0 and substep == 0 else 0
                 advance(x, n, kinds, places, apart, first, commands, sims, drives, step, substep, trail)
             for k in range(n):
                 positions[sims[k], step + 1, drives[k]] = x[AT + k]

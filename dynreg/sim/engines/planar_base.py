@@ -21,6 +21,7 @@ from dynreg.sim.engines.acting import (
     configure_terms,
     observed,
     on,
+    recall,
     true_states,
 )
 from dynreg.sim.engines.planar_names import ON_WHEELS, QUANTITIES, Base, planar_base
@@ -107,9 +108,10 @@ class _Motion:
         self.base, self.ports, self.law, self.clock, self.integrator = base, ports, law, clock, integrator
         self.commanding, self.rolling = on(active, "command"), on(active, "roll")
         self.most = int(clock.substeps.max())
-        clock.show(active)
         for a in active:
             a.moment.speeds = True
+        recall(active, clock)
+        clock.show(active)
 
     def hold(self, state: np.ndarray, step: int) -> np.ndarray:
         """(7, n) after command number `step`."""

@@ -54,13 +54,14 @@ class Traced:
 
     parameters : how many; they are the first rows, its memory those behind them. configured : the keys of memory
     that `configure` fills. slots : (key, row behind the parameters, how many) of all memory. bodies : (port, statements
-    of the first time step, of later ones).
+    of the first time step, of later ones). recalls : as of the effect.
     """
 
     parameters: int
     configured: tuple[str, ...]
     slots: tuple[tuple[str, int, int], ...]
     bodies: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...]
+    recalls: bool = False
 
     @property
     def looks(self) -> bool:
@@ -97,7 +98,8 @@ def traced(effect: Effect, configured: tuple[str, ...] | None = None) -> Traced:
         ) from problem
     slots = tuple((key, row, width) for key, (row, width) in tracer.slots.items())
     bodies = tuple(zip(ports, rounds[0], rounds[1], strict=True))
-    return Traced(len(effect.parameters), tuple(sorted(tracer.configured)), slots, bodies)
+    configured = tuple(sorted(tracer.configured))
+    return Traced(len(effect.parameters), configured, slots, bodies, effect.recalls)
 
 
 class _Memory(dict):

@@ -1,12 +1,14 @@
-"""Delays look back beyond the start of a run, at the commands that were told before it."""
+"""Delays and lags look back beyond the start of a run, at the commands that were told before it."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import one_arm
 import pytest
 
 from dynreg.sim.effects import Terms, term
-from dynreg.sim.engines import rollout
+from dynreg.sim.engines import Arena, rollout
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
 
@@ -42,3 +44,92 @@ def test_a_run_goes_on_as_it_would_have_and_begins_anew_where_nothing_is_known(
     anew = played(robot, rest, engine, delay)
     assert np.abs(anew - whole[CUT:]).max() > 0.05
     np.testing.assert_array_equal(played(robot, replace(rest, before=unknown), engine, delay), anew)
+
+
+LAG = 0.05  # s
+LAGGING = (
+    *(("command_lag", engine, name) for engine, name, _ in BENCHES),
+    ("command_lag", "arena", "servo_pendulum"),
+    ("arm's own lag", "mujoco", "one_arm"),
+)
+
+
+def terms_of(*keys: str, rows: int = 1) -> Terms:
+    sizes = {"command_lag": LAG, "command_delay": 0.025, "command_gain": 0.1}
+    return Terms(tuple(map(term, keys)), tuple(np.full((rows, 1), sizes[key]) for key in keys))
+
+
+def replayed(robot: Robot, run: Run, engine: str, terms: Terms | None) -> np.ndarray:
+    """(B, T+1, S) of nominal robots."""
+    values = np.tile(robot.space.nominal, (1 if terms is None else len(terms.values[0]), 1))
+    if engine == "arena":
+        return Arena(robot, values, run, terms=terms).rollout(run).states[:, 0]
+    return rollout(robot, values, run, engine=engine, terms=terms).states[:, 0]
+
+
+def commands(robot: Robot) -> np.ndarray:
+    """(1, 48, A) steps, of which one has just been taken where the run is cut."""
+    most = [1.0 if a.high is None else min(a.high, 1.0) for a in robot.file.actions]
+    return (np.random.default_rng(0).uniform(-1.0, 1.0, (1, 8, len(most))) * most).repeat(6, axis=1)
+
+
+def smoothing(folder: Path) -> Robot:
+    """An arm whose actuator has a lag of its own."""
+    actuator = (
+        f'<general name="arm" joint="arm" dyntype="filterexact" dynprm="{LAG}" gainprm="10" biastype="affine" '
+        'biasprm="0 -10 -0.5" forcelimited="true" forcerange="-3 3"/>'
+    )
+    return one_arm.written(folder, one_arm.model_of(actuator, 'qpos="0.3" ctrl="0.3" act="0.3"'))
+
+
+@pytest.mark.parametrize("key, engine, name", LAGGING)
+def test_a_window_from_the_middle_of_a_transient_is_the_middle_of_the_run(
+    key: str, engine: str, name: str, tmp_path: Path
+) -> None:
+    robot = smoothing(tmp_path) if name == "one_arm" else load_robot(name)
+    terms = terms_of(key) if name != "one_arm" else None
+    told = commands(robot)
+    # at the first command until then, as what is not known is taken to have been
+    run = Run(told, period=1.0 / robot.rate, initial=np.zeros((1, len(robot.channels))))
+    whole = replayed(robot, run, engine, terms)
+    rest = replace(run, actions=told[:, CUT:], initial=whole[:, CUT])
+    on = replayed(robot, replace(rest, before=told[:, :CUT]), engine, terms)
+    np.testing.assert_allclose(on, whole[:, CUT:], rtol=0.0, atol=1e-9)
+    anew = replayed(robot, rest, engine, terms)
+    assert np.abs(anew - whole[:, CUT:]).max() > 0.04
+    unknown = np.full((1, 5, told.shape[2]), np.nan)
+    np.testing.assert_array_equal(replayed(robot, replace(rest, before=unknown), engine, terms), anew)
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "joint"])
+def test_a_lag_remembers_what_effects_before_it_made_of_commands(engine: str) -> None:
+    """A late, scaled command is what it smooths; a delay within a command is spread over that: to a hundredth."""
+    robot = load_robot("servo_pendulum")
+    terms, told = terms_of("command_delay", "command_gain", "command_lag"), commands(robot)
+    run = Run(told, period=1.0 / robot.rate)
+    whole = replayed(robot, run, engine, terms)
+    rest = replace(run, actions=told[:, CUT:], initial=whole[:, CUT])
+    on = replayed(robot, replace(rest, before=told[:, :CUT]), engine, terms)
+    anew = replayed(robot, rest, engine, terms)
+    off = np.abs(on - whole[:, CUT:]).max()
+    assert off < 0.02 * np.abs(anew - whole[:, CUT:]).max()
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "joint", "kinematic"])
+def test_what_a_lag_remembers_is_its_own_simulation_s(engine: str) -> None:
+    """Windows that know more or less of what was before, beside others without a lag: each as it is alone."""
+    robot = load_robot("diffdrive" if engine == "kinematic" else "servo_pendulum")
+    told = commands(robot)
+    before = np.repeat(told[:, :CUT], 3, axis=0)
+    before[1, :12], before[2] = np.nan, np.nan
+    run = Run(np.repeat(told[:, CUT:], 3, axis=0), period=1.0 / robot.rate, before=before)
+    terms = terms_of("command_delay", "command_lag", rows=3)
+    terms.values[0][0], terms.values[1][2] = np.nan, np.nan
+    values = np.tile(robot.space.nominal, (3, 1))
+    beside = rollout(robot, values, run, engine=engine, terms=terms, threads=1).states
+    for b in range(3):
+        for e in range(3):
+            own = rollout(
+                robot, values[:1], run.take(np.array([e])), engine=engine, terms=terms.take([b]), threads=1
+            )
+            np.testing.assert_array_equal(own.states[0, 0], beside[b, e])
