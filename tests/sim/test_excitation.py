@@ -79,7 +79,7 @@ def test_inputs_stay_in_their_range_and_a_drop_switches_off_half_way():
 
 
 MISSING = {
-    "keyframe 'hme' is not in the model; expected one of .'home'.": (
+    "keyframe 'hme' is not in the model; expected one of 'home'.": (
         ('keyframe = "home"', 'keyframe = "hme"'),
     ),
     "action 'wrist/target' is not in the model": (
