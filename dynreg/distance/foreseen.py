@@ -22,8 +22,8 @@ AROUND = 8  # of the best, whose mean place says which others are worth foreseei
 FAR = 10.0
 BEST = 3  # of the judged, whose neighbours by place are judged beside those that are foreseen
 
-# Variance of a process' level beside that of its slope: the mean of the judged is not that of all. Without it the search
-# finds three of the five nearest of one servo of two among 30,000.
+# Variance of a process' level beside that of its slope: the mean of the judged is not that of all. Without it the
+# search finds three of the five nearest of one servo of two among 30,000.
 LEVEL = 10.0
 
 Foresee = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
