@@ -82,7 +82,7 @@ def test_the_same_export_gives_the_same_bytes(form: str, exported, tmp_path, reg
     [
         (["nothing"], "parquet", NoMatchError, "nothing"),
         ([], "parquet", UsageError, "a dataset of nothing"),
-        (["bench"], "hdf", UsageError, "one of .'parquet', 'csv'"),
+        (["bench"], "hdf", UsageError, "one of 'parquet', 'csv'"),
         (
             ["bench"],
             "safetensors",

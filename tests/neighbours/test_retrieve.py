@@ -97,7 +97,7 @@ def test_near_entries_move_like_the_robot(found_in, population, distance):
 
 def test_trajectory_needs_the_population_s_own_commands(found_in, population):
     recording = secret_servo.record(population.shared.robot.space.nominal, 1)
-    with pytest.raises(UsageError, match="commands that the population did not"):
+    with pytest.raises(UsageError, match="whose commands the population's simulators did not run"):
         found_in(recording, "trajectory")
 
 
