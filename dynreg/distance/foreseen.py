@@ -36,14 +36,14 @@ class Effort:
 
     foresee : by the places (M, D') of all entries gives what foresees. least : entries that are judged in any case.
     near : of the others, so many are foreseen, those nearest to the best. each : entries that are judged before all is
-    foreseen again. beside : of these, so many are those next to the best.
+    foreseen again. beside : share of these that are those next to the best.
     """
 
     foresee: Callable[[np.ndarray], Foresee]
     least: int
     near: int = 2**31
     each: int = 32
-    beside: int = 0
+    beside: float = 0.0
 
 
 Missed = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -96,10 +96,11 @@ def _next(
         apart = np.square(places[others] - best.mean(axis=0)).sum(axis=1)
         near = others[np.sort(np.argsort(apart, kind="stable")[: effort.near])]
     order = near[np.argsort(foresee(ids, misses, near), kind="stable")]
-    foreseen, rest = np.split(order, [effort.each - effort.beside])
-    if effort.beside:
+    beside = round(effort.beside * effort.each)
+    foreseen, rest = np.split(order, [effort.each - beside])
+    if beside:
         apart = np.square(places[rest][:, None] - best[:BEST]).sum(axis=2).min(axis=1)
-        foreseen = np.append(foreseen, rest[np.argsort(apart, kind="stable")[: effort.beside]])
+        foreseen = np.append(foreseen, rest[np.argsort(apart, kind="stable")[:beside]])
     return np.sort(foreseen)
 
 

@@ -19,7 +19,7 @@ QUERY_ROWS = 200  # sequences of the recording on which every entry's model is j
 AHEAD = 2  # steps long each
 FORESEEN = 64  # of these sequences, on which misses are foreseen
 FIRST = 32  # random entries that are judged before anything is foreseen
-EFFORT = Effort(linear(ridge=1.0), least=160, near=500, beside=8)
+EFFORT = Effort(linear(ridge=1.0), least=160, near=500, beside=0.25)
 """By ten quadrupeds that report nothing, among 10,000, three draws each: recall@5 0.99 with 202 judged. With 300 near
 0.95; a walk over the graph 0.92 with 361, 0.97 with 465. Of eight servos among 30,000: 1.00 with 220, and 0.85 where
 none is judged beside the best; quadrupeds do not tell the two apart."""

@@ -39,7 +39,7 @@ class Planted:
             self.missed,
             wanted,
             first,
-            Effort(linear(ridge=1.0), least=160, near=500, beside=8),
+            Effort(linear(ridge=1.0), least=160, near=500, beside=0.25),
         )
 
 
