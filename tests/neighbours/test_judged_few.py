@@ -27,7 +27,7 @@ def searching(monkeypatch):
     monkeypatch.setattr(one_sided, "FIRST", 4)
     for name in ("HUBS", "LIKE", "RANDOM"):
         monkeypatch.setattr(linked, name, 2)
-    monkeypatch.setattr(one_sided, "EFFORT", replace(one_sided.EFFORT, least=8, each=4))
+    monkeypatch.setattr(one_sided, "EFFORT", replace(one_sided.EFFORT, least=8, each=4, beside=0.0))
     effort = linked.effort
     monkeypatch.setattr(linked, "effort", lambda entries: replace(effort(entries), least=8, each=4))
 
