@@ -2,7 +2,7 @@
 
 import re
 import string
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -240,6 +240,16 @@ def read_own_map(path: str | Path) -> LogMap:
     """A map of a robot's own folder, which is for that robot whatever name it says; raises as `read_map`."""
     found = read_map(path)
     return found.model_copy(update={"map": found.map.model_copy(update={"robot": None})})
+
+
+def own_maps(folder: Path) -> Iterator[tuple[Path, LogMap]]:
+    """The maps in a robot's folder, by name, that can be read."""
+    for path in sorted((folder / "maps").glob("*.toml")):
+        try:
+            own = read_own_map(path)
+        except MapError:
+            continue  # `robots check` tells what is wrong with it
+        yield path, own
 
 
 def check_map(log_map: LogMap, spec: RecordingSpec) -> None:

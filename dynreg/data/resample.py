@@ -121,12 +121,8 @@ def _held_long(episode: RawEpisode, spec: RecordingSpec, end: float, much: float
 
 def _cleaned(episode: RawEpisode) -> dict[str, Series]:
     """The channels of which anything is known; a computed rate spans what it was computed from."""
-    known = {name: clean(s) for name, s in episode.channels.items()}
-    return {
-        name: s if (rate := episode.channels[name]).error is None else rate
-        for name, s in known.items()
-        if len(s)
-    }
+    series = {name: clean(s) if s.error is None else s for name, s in episode.channels.items()}
+    return {name: s for name, s in series.items() if np.isfinite(s.values).any()}
 
 
 def _edges(series: dict[str, Series], spec: RecordingSpec) -> tuple[dict[str, float], dict[str, float]]:

@@ -42,8 +42,7 @@ def once(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     places: dict[tuple[str, str, str], list[str]] = {}
     for f in findings:
         places.setdefault((f.severity, f.check, f.message), []).append(f.where)
-    more = {key: _more(len(where) - 1) for key, where in places.items()}
-    return tuple(Finding(k[0], k[1], where[0] + more.get(k, ""), k[2]) for k, where in places.items())
+    return tuple(Finding(k[0], k[1], where[0] + _more(len(where) - 1), k[2]) for k, where in places.items())
 
 
 def _more(places: int) -> str:

@@ -118,8 +118,8 @@ def linear(ridge: float) -> Callable[[np.ndarray], Foresee]:
             x = x - middle
             gram = x.T @ x
             gram.diagonal().add_(ridge * gram.trace() / len(x) + 1e-9)
-            # the level of y falls out, for x is centred; gram is small and well conditioned by its ridge: its inverse
-            # does
+            # the level of y falls out, for x is centred. Gram is small, and its ridge keeps it well conditioned, so its
+            # inverse will do.
             slope = torch.linalg.inv(gram) @ (x.T @ y)
             return torch.addmm(level, z - middle, slope).abs_().sum(1).numpy()
 

@@ -20,7 +20,7 @@ from dynreg.rng import stream
 
 HUBS, LIKE, RANDOM = 32, 16, 16  # entries that are judged first: hubs, the nearest by embedding, any
 EMBEDDED = (
-    2.0  # spread of embeddings beside what else is known of entries: with 1 or 4 the search finds no more
+    2.0  # spread of embeddings beside what else is known of entries; with 1 or 4 a search finds no more
 )
 TINY = 1e-12  # smaller own losses, links and distances count as this
 

@@ -22,7 +22,16 @@ from dynreg.draft.driven import check_gains, drives_of, say_limits
 from dynreg.draft.drives import Drive, name_of
 from dynreg.draft.entry import Drafted, DraftOptions, Entry, Notes, listed
 from dynreg.draft.ground import add_ground, ground_of, standing_height
-from dynreg.draft.heard import FASTEST, Heard, heard, require_clocks, rounded_rate, sensed, spec_of, thinned
+from dynreg.draft.heard import (
+    MOST_CONTROL,
+    Heard,
+    heard,
+    require_clocks,
+    rounded_rate,
+    sensed,
+    spec_of,
+    thinned,
+)
 from dynreg.draft.measured import (
     EFFORT,
     with_measured_gains,
@@ -308,8 +317,8 @@ def _head(
         whole = rounded_rate(logged)
         notes.add(
             f"the log has {whole:g} rows a second, and control_rate is {rate:g} Hz, which takes one in {every}: above "
-            f"{FASTEST:g} Hz every answer is slow. To take all, set control_rate = {whole:g} in robot.toml, with a "
-            f"timestep of at most {step_within(whole):g} s"
+            f"{MOST_CONTROL:g} Hz every answer is slow. To take all, set control_rate = {whole:g} in robot.toml, with "
+            f"a timestep of at most {step_within(whole):g} s"
         )
     tools = [site for site in moving_sites(model) if carries_tool(site)]
     return Entry(

@@ -8,8 +8,7 @@ import mujoco
 import numpy as np
 
 from dynreg.data.checks import check_clocks, errors
-from dynreg.data.checks.clock import FASTEST as QUICKEST
-from dynreg.data.checks.clock import doubted, likely_units, quickest, whole_step
+from dynreg.data.checks.clock import FASTEST, doubted, likely_units, quickest, whole_step
 from dynreg.data.drafting import Draft
 from dynreg.data.episodes import raw_episodes
 from dynreg.data.schema import ChannelSpec, RecordingSpec
@@ -31,7 +30,7 @@ LEAST = {"rad": 1e-5, "m": 1e-6, "rad/s": 1e-4, "m/s": 1e-5}
 STILL = 2.0  # times its noise that a signal varies, 1 sigma, below which its motion cannot be told from noise
 WHOLE = 0.02  # share of a quantum by which steps may miss a whole number of it
 FOLLOWS = 0.8  # correlation from which a command is one for the position
-FASTEST = 500.0  # Hz: a faster log is thinned by whole numbers
+MOST_CONTROL = 500.0  # Hz: a faster log is thinned by whole numbers
 RARE = 5.0  # Hz: commands that come less often are held, and the robot's rate is that of its measurements
 
 
@@ -57,7 +56,7 @@ class Heard:
         return float(np.nanmax(np.abs(self.series[name].values), initial=0.0)) if name in self.series else 0.0
 
     def rate(self, actions: Sequence[str]) -> float | None:
-        """How often the robot is controlled [Hz]: as `often`, at most `FASTEST`; None where no stamps tell."""
+        """How often the robot is controlled [Hz]: as `often`, at most `MOST_CONTROL`; None where no stamps tell."""
         often = self.often(actions)
         return None if often is None else rounded_rate(often / thinned(often))
 
@@ -97,8 +96,8 @@ class Heard:
 
 
 def thinned(often: float) -> int:
-    """Of how many commands that come so `often` [Hz] control takes one, so that it is no faster than `FASTEST`."""
-    return int(max(1.0, np.ceil(often / FASTEST - 1e-3)))
+    """Of how many commands that come so `often` [Hz] control takes one, so that it is no faster than `MOST_CONTROL`."""
+    return int(max(1.0, np.ceil(often / MOST_CONTROL - 1e-3)))
 
 
 def rounded_rate(rate: float) -> float:
@@ -177,20 +176,12 @@ def require_clocks(told: Heard, log: RawLog) -> None:
         if not doubt.rates:
             mapped = "[map]" in doubt.do  # no map is read here
             do = (
-                f"write seconds in a column time_s, at most {QUICKEST:g} rows a second"
-                if mapped
-                else doubt.do
+                f"write seconds in a column time_s, at most {FASTEST:g} rows a second" if mapped else doubt.do
             )
-            raise LogError(
-                f"{log.path.name}: {doubt.said}", expected=f"{known}a name that tells the unit", do=do
-            )
-        do = f"call the column {' or '.join(f'time_{unit}' for unit in doubt.rates)}"
-        do += ", or write it in the unit that its name says" * bool(counting.told)
-        raise LogError(
-            f"{log.path.name}: {doubt.said}",
-            expected=f"{known}a name that tells the unit",
-            do=do,
-        )
+        else:
+            do = f"call the column {' or '.join(f'time_{unit}' for unit in doubt.rates)}"
+            do += ", or write it in the unit that its name says" * bool(counting.told)
+        raise LogError(f"{log.path.name}: {doubt.said}", expected=f"{known}a name that tells the unit", do=do)
 
 
 def sensed(series: Series, unit: str) -> Sensed | None:

@@ -8,8 +8,8 @@ from dynreg.data.clocks import Span
 from dynreg.data.contents import contents
 from dynreg.data.drafting import Draft, draft_map
 from dynreg.data.ingest import Finding, doctor, examine, holds_sources, order_of, spans_of
-from dynreg.data.maps import read_map, read_own_map
-from dynreg.errors import LogError, MapError
+from dynreg.data.maps import own_maps, read_map
+from dynreg.errors import LogError
 from dynreg.results.doctor import DraftedMap, LogContents, LogFinding, LogFindings
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.verbs.written import write_new
@@ -66,11 +66,7 @@ def _by_own_map(logs: Sequence[Path], robot: Robot, found: tuple[Finding, ...]) 
     theirs, where they cannot be read without one; else what was `found`.
     """
     told = None
-    for path in sorted((robot.folder / "maps").glob("*.toml")):
-        try:
-            own = read_own_map(path)
-        except MapError:
-            continue  # `robots check` tells what is wrong with it
+    for path, own in own_maps(robot.folder):
         mine = doctor(logs, robot.recording_spec, own)
         if _usable(mine):
             return mine

@@ -92,7 +92,7 @@ def read_log(
 
 def _read(paths: list[Path], robot: "Robot", log_map: "str | Path | LogMap | None") -> "Recording":
     from dynreg.data.ingest import holds_sources, read_recording
-    from dynreg.data.maps import LogMap, read_map, read_own_map
+    from dynreg.data.maps import LogMap, own_maps, read_map
 
     spec = robot.recording_spec
     if log_map is not None:
@@ -101,11 +101,7 @@ def _read(paths: list[Path], robot: "Robot", log_map: "str | Path | LogMap | Non
         return read_recording(paths, spec, None)
     except DynregError as unmapped:
         told = unmapped
-        for path in sorted((robot.folder / "maps").glob("*.toml")):
-            try:
-                own = read_own_map(path)
-            except MapError:
-                continue  # `robots check` tells what is wrong with it
+        for path, own in own_maps(robot.folder):
             try:
                 return read_recording(paths, spec, own)
             except CheckError as problem:  # it is its map: what a check says is what is wrong

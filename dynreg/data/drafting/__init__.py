@@ -79,7 +79,7 @@ def _sources(offers: tuple[Offer, ...], spec: RecordingSpec, also: Mapping[str, 
     return {**out, **_rates(chosen, spec, out)}
 
 
-def _but(named: Named, gone: Set[object]) -> Named:
+def _without(named: Named, gone: Set[object]) -> Named:
     """What names a joint, without the signals that are gone."""
     return [(offer, rest) for offer, rest in named if offer.source not in gone]
 
@@ -95,11 +95,11 @@ def _found(offers: tuple[Offer, ...], spec: RecordingSpec, also: Mapping[str, st
         told = f"by the name {also.get(joint)!r}, the actuator's; check it"
         source = (
             of_base(offers, channel)
-            or of_joint(_but(mine.get(joint, ()), gone), channel)
+            or of_joint(_without(mine.get(joint, ()), gone), channel)
             or by_index(offers, channel, spec)
             or by_words(offers, channel)
-            or of_joint(_but(others.get(joint, ()), gone), channel, told)
-            or of_joint(_but(unnamed, gone), channel)
+            or of_joint(_without(others.get(joint, ()), gone), channel, told)
+            or of_joint(_without(unnamed, gone), channel)
         )
         if source is not None:
             out[channel.name] = source

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from dynreg.data.drafting.offers import Offer
-from dynreg.data.drafting.source import Source, best
+from dynreg.data.drafting.offers import EPISODE_COLUMNS, Offer
+from dynreg.data.drafting.source import Source, best, used
 from dynreg.data.drafting.units import KINDS
 from dynreg.data.names import joint_of
 from dynreg.data.schema import ChannelSpec, RecordingSpec
@@ -13,7 +13,6 @@ from dynreg.data.words import quantity
 
 ONLY_COMMAND = "the only command in the log, which names no joint: check it"
 ONLY_COLUMN = "the only column left: check it"
-EPISODE_COLUMNS = ("episode", "episode_index", "episode_id", "run", "trial")
 
 
 def left_over(offers: Sequence[Offer], spec: RecordingSpec, found: Mapping[str, Source]) -> dict[str, Source]:
@@ -41,15 +40,6 @@ def _left(offers: Sequence[Offer], spec: RecordingSpec, found: Mapping[str, Sour
     """The signals that nothing took; no numbers of rows or episodes, nor what never changes."""
     taken = {*EPISODE_COLUMNS, *spec.settings, *used(found)}
     return [o for o in offers if not (o.source in taken or o.header or not o.moves or _counts(o))]
-
-
-def used(found: Mapping[str, Source]) -> set[object]:
-    """The names of the signals that channels are taken from."""
-    out: set[object] = set()
-    for source in found.values():
-        names = source.keys.get("source")
-        out |= {*names} if isinstance(names, list) else {names, *(f"{names}.{part}" for part in "wxyz")}
-    return out
 
 
 def _counts(offer: Offer) -> bool:

@@ -7,6 +7,7 @@ from dynreg.data.series import RawLog, Series
 from dynreg.data.units import unit_called
 from dynreg.data.words import COMMANDS, MEASURED, asks, words
 
+EPISODE_COLUMNS = ("episode", "episode_index", "episode_id", "run", "trial")
 _BRACKETS = re.compile(r"(.+?)\s*[\[(]([^\[\]()]+)[\])]")
 
 

@@ -29,6 +29,15 @@ class Source:
         return replace(self, keys={**self.keys, **keys}, notes=(*self.notes, *notes))
 
 
+def used(found: Mapping[str, Source]) -> set[object]:
+    """The names of the signals that channels are taken from."""
+    out: set[object] = set()
+    for source in found.values():
+        names = source.keys.get("source")
+        out |= {*names} if isinstance(names, list) else {names, *(f"{names}.{part}" for part in "wxyz")}
+    return out
+
+
 def best(rated: Sequence[tuple[int, Offer]], channel: ChannelSpec, *notes: str) -> Source | None:
     """The offer of the least cost whose unit fits; the others that cost as much are noted.
 

@@ -4,9 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from dynreg.data.checks.clock import doubted, likely_units, quickest, usual_step
-from dynreg.data.drafting.left_over import EPISODE_COLUMNS, used
-from dynreg.data.drafting.offers import offers_of
-from dynreg.data.drafting.source import Source
+from dynreg.data.drafting.offers import EPISODE_COLUMNS, offers_of
+from dynreg.data.drafting.source import Source, used
 from dynreg.data.maps import DEFAULT_GAP, LogMap, parse_map
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.series import RawLog
