@@ -31,8 +31,8 @@ def derivative(series: Series, filter_hz: float | None) -> Series:
     is there one where the signal turns too sharply for the filter, or for differences: a replay that began there would
     begin too fast, or too slow. Where that is most of the signal the filter is wrong, and the rates stay. `error` is
     1 sigma of that of the rates that are told: the noise that the filter leaves, and the motion that it takes away, as
-    far as differences show it. Beside sharp turns these miss it too: of an arm whose commands step, `error` is 0.01 rad/s
-    where the rates are off by 0.03.
+    far as differences show it. Beside sharp turns these miss it too: of an arm whose commands step, `error` is 0.01
+    rad/s, and the rates are off by 0.03.
     Raises LogError where `filter_hz` is not below half the sampling rate.
     """
     nothing = np.unique(series.time[~np.isfinite(series.values)])
