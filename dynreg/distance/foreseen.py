@@ -140,26 +140,25 @@ def gaussian(reach: float, noise: float, slope: float) -> Callable[[np.ndarray],
 
         every = torch.from_numpy(places)
         size = every.square().sum(1)
-        rows: dict[int, torch.Tensor] = {}  # (M,) how much each entry is like one that was judged
+        alike: list[torch.Tensor] = []  # (m, M) how much the judged of each round are like every entry
+        row: dict[int, int] = {}  # of each that was judged, in all of these
 
         def foresee(ids: np.ndarray, misses: np.ndarray, others: np.ndarray) -> np.ndarray:
-            new = np.array([i for i in ids.tolist() if i not in rows], dtype=np.int64)
+            new = np.array([i for i in ids.tolist() if i not in row], dtype=np.int64)
+            row.update(zip(new.tolist(), range(len(row), len(row) + len(new)), strict=True))
             together = every[new] @ every.T
             apart = (size[new][:, None] + size - 2.0 * together).clamp_min_(0.0)
-            rows.update(
-                zip(
-                    new.tolist(),
-                    apart.mul_(-0.5 / reach**2).exp_().add_(together + LEVEL, alpha=slope),
-                    strict=True,
-                )
-            )
-            alike = torch.stack([rows[i] for i in ids.tolist()])
+            alike.append(apart.mul_(-0.5 / reach**2).exp_().add_(together + LEVEL, alpha=slope))
+            rows = [row[i] for i in ids.tolist()]
             missed = torch.from_numpy(misses[:, 0]).double()
             level, spread = missed.mean(), missed.std(correction=0).clamp_min(1e-12)
-            gram = alike[:, ids].double()
+            gram = torch.cat([part[:, ids] for part in alike])[rows].double()
             gram.diagonal().add_(noise)
-            weight = torch.cholesky_solve(((missed - level) / spread)[:, None], torch.linalg.cholesky(gram))
-            return (weight[:, 0].float() @ alike)[others].numpy()
+            solved = torch.cholesky_solve(((missed - level) / spread)[:, None], torch.linalg.cholesky(gram))
+            weight = torch.zeros(len(row))  # one that was judged may be too far to learn from
+            weight[rows] = solved[:, 0].float()
+            parts = zip(weight.split([len(part) for part in alike]), alike, strict=True)
+            return sum(some @ part for some, part in parts)[others].numpy()
 
         return foresee
 

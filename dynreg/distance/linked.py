@@ -2,8 +2,8 @@
 
 Who is near to a recording by cross-loss is less its likeness than an entry's own: some, hubs, are near to everybody
 (measured: of the five nearest of a quadruped among 10,000, one in eight is among its 50 nearest by embedding, three
-in eight among the 50 entries whose links are shortest). A graph with more links or more candidates for them finds no
-more of them, so the search knows of each entry how long its links are, beside its embedding and its own loss.
+in eight among the 50 entries whose links are shortest). They are those whose rows every model predicts well. So the
+search knows of each entry how well some models, the pivots, predict its rows, beside its embedding and its own loss.
 """
 
 import numpy as np
@@ -13,27 +13,27 @@ from dynreg.distance.foreseen import Effort, gaussian, seek
 from dynreg.distance.query import DistanceQuery, Ranked, in_order
 from dynreg.distance.rows import thin
 from dynreg.errors import UsageError
-from dynreg.index import Graph, To, search_printed
+from dynreg.index import To, search_printed
 from dynreg.models.losses import losses
 from dynreg.models.threads import single_threaded
 from dynreg.rng import stream
 
 HUBS, LIKE, RANDOM = 32, 16, 16  # entries that are judged first: hubs, the nearest by embedding, any
-EMBEDDED = (
-    2.0  # spread of embeddings beside what else is known of entries; with 1 or 4 a search finds no more
+SPREAD = (
+    2.0  # of embeddings and of hardness beside what else is known of entries; hardness of 3 finds as much
 )
-TINY = 1e-12  # smaller own losses, links and distances count as this
+TINY = 1e-12  # smaller losses and distances count as this
 
 
 def effort(entries: int) -> Effort:
     """What a search among so many entries spends: its judgements grow like n^0.22.
 
-    By twelve quadrupeds that report nothing, among the 400 of 1,000 that may be asked: recall@5 1.00 with 256 judged,
-    0.98 with 190. Among the 3,500 of 10,000: 0.97 with 421 judged; by a ridge map 0.88, a walk over the graph 0.63 with
-    568, 0.73 with 760. Of two servos among 30,000 1.00 with 672. A reach of 2 to 5 and a noise of 0.1 to 0.3 find as
-    much of quadrupeds; entries beside the best, or each half of the distance foreseen by itself, no more.
+    By twelve quadrupeds that report nothing, among the 3,500 of 10,000 that may be asked: recall@5 1.00 with 416
+    judged, 0.98 with 300. With the length of each entry's links for pivots 0.94, by a ridge map of these 0.88; a walk
+    over the graph 0.63 with 568, 0.73 with 760. Of six servos among 30,000 1.00 with 672. A noise of 0.03 to 0.3 with
+    a slope of 1 to 0.1 finds 0.98 of quadrupeds.
     """
-    return Effort(gaussian(reach=3.0, noise=0.3, slope=0.1), least=round(250 * (entries / 400) ** 0.22))
+    return Effort(gaussian(reach=3.0, noise=0.1, slope=0.3), least=round(250 * (entries / 400) ** 0.22))
 
 
 def held_out(asked: DistanceQuery) -> Ranked:
@@ -93,17 +93,18 @@ def _printed(asked: DistanceQuery, to: To) -> Ranked:
 def _sought(asked: DistanceQuery, to: To, own: np.ndarray) -> Ranked:
     """The entries that are judged on the way to the nearest; see `foreseen.seek`."""
     allowed, vectors = asked.allowed, asked.population.vectors[asked.allowed]
-    hub = link_lengths(asked.population.graph)[allowed]
+    hard = hardness(own[allowed], asked.population.judged.crossed[allowed])
     like = np.square(vectors - asked.vector).sum(axis=1)
     drawn = stream(asked.population.shared.seed, "search").permutation(len(allowed))
-    starts = (np.argsort(hub, kind="stable")[:HUBS], np.argsort(like, kind="stable")[:LIKE], drawn[:RANDOM])
+    hubs = np.argsort(hard.mean(axis=1), kind="stable")
+    starts = (hubs[:HUBS], np.argsort(like, kind="stable")[:LIKE], drawn[:RANDOM])
 
     def missed(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         far = to(allowed[at])
         return np.log(np.maximum(far, TINY) / TINY)[:, None].astype(np.float32), far
 
     found = seek(
-        places(vectors, own[allowed], hub, like),
+        places(vectors, own[allowed], hard, like),
         missed,
         max(asked.wanted, asked.at_least),
         np.concatenate(starts),
@@ -112,36 +113,28 @@ def _sought(asked: DistanceQuery, to: To, own: np.ndarray) -> Ranked:
     return Ranked(allowed[found.order], found.distance, found.evaluations)
 
 
-def places(vectors: np.ndarray, own: np.ndarray, hub: np.ndarray, like: np.ndarray) -> np.ndarray:
-    """(M, D' + 3) what a search knows of entries: embeddings (M, D'), own losses (M,), lengths of links (M,), and how
+def hardness(own: np.ndarray, crossed: np.ndarray) -> np.ndarray:
+    """(M, K) how much worse pivots predict the rows of entries (M, K) than their own models do (M,): logarithms.
+
+    A pivot that predicts no number for some entry tells nothing of any.
+    """
+    hard = np.log(crossed + TINY) - np.log(own + TINY)[:, None]
+    return np.where(np.isfinite(hard[np.isfinite(own)]).all(axis=0), hard, 0.0)
+
+
+def places(vectors: np.ndarray, own: np.ndarray, hard: np.ndarray, like: np.ndarray) -> np.ndarray:
+    """(M, D' + K + 2) what a search knows of entries: embeddings (M, D'), `hardness` (M, K), own losses (M,), and how
     far they are by embedding (M,), squared.
 
-    Embeddings have a spread of `EMBEDDED`, summed over coordinates; each of the others has one of 1. Own losses count
+    The first two have a spread of `SPREAD`, summed over coordinates; each of the others has one of 1. Own losses count
     by their logarithms: the search foresees logarithms of distances, which fall as own losses rise.
     """
-    sound = np.isfinite(vectors).all(axis=1)  # a model that predicts no number must not hide the others
-    centre, spread = vectors[sound].mean(axis=0), np.sqrt(vectors[sound].var(axis=0).sum()) + 1e-9
-    rest = np.column_stack([np.log(own + TINY), hub, like])
-    middle, size = rest[sound].mean(axis=0), rest[sound].std(axis=0) + TINY
-    return np.column_stack([(vectors - centre) * (EMBEDDED / spread), (rest - middle) / size])
+    # a model that predicts no number must not hide the others
+    sound = np.isfinite(vectors).all(axis=1) & np.isfinite(own)
 
+    def spread(told: np.ndarray, wide: float) -> np.ndarray:
+        middle, size = told[sound].mean(axis=0), np.sqrt(told[sound].var(axis=0).sum())
+        return (told - middle) * (wide / (size + TINY))
 
-def link_lengths(graph: Graph) -> np.ndarray:
-    """(M,) medians of the lengths of each entry's links: short for hubs, which are near to everybody.
-
-    An entry without a measured link has the median of the others.
-    """
-    entry = np.repeat(np.arange(len(graph.lengths)), [len(known) for known in graph.lengths])
-    length = np.concatenate([np.zeros(0), *graph.lengths])
-    known = np.isfinite(length)
-    entry, length = entry[known], length[known]
-    length = length[np.lexsort((length, entry))]
-    count = np.bincount(entry, minlength=len(graph.lengths))
-    if not len(length):
-        return np.zeros(len(count))
-    first = np.minimum(np.cumsum(count) - count, len(length) - 1)
-    middle = 0.5 * (
-        length[first + np.maximum(count - 1, 0) // 2]
-        + length[np.minimum(first + count // 2, len(length) - 1)]
-    )
-    return np.where(count > 0, middle, np.median(middle[count > 0]))
+    parts = (vectors, SPREAD), (hard, SPREAD), (np.log(own + TINY)[:, None], 1.0), (like[:, None], 1.0)
+    return np.column_stack([spread(*part) for part in parts])

@@ -135,9 +135,9 @@ class Population:
         return CrossLoss(self.stack, self.judged.inputs, self.judged.targets, self.entries.train_loss)
 
 
-def judged_entries(shared: Shared, states: np.ndarray, stack: Models) -> Judged:
-    """The rows on which entries with states (M, E, T+1, S) are judged by the paper's distance."""
-    return judged_on(stack, *shared.rows(states).held, shared.seed)
+def judged_entries(shared: Shared, states: np.ndarray, stack: Models, pivots: MlpStack) -> Judged:
+    """The rows on which entries with states (M, E, T+1, S) and models (M) are judged by the paper's distance."""
+    return judged_on(stack, pivots, *shared.rows(states).held, shared.seed)
 
 
 def context_of(run: Run) -> np.ndarray:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynreg.distance.cross_loss import CrossLoss, Judged
+from dynreg.distance.cross_loss import PIVOTS, CrossLoss, Judged, crossed_losses
 from dynreg.distance.embedding import Embedding, fit_embedding
 from dynreg.distance.linking import link_entries, new_graph
 from dynreg.distance.population import Shared, judged_entries
@@ -92,8 +92,8 @@ def link(
     numbers = registry.numbers(ref)
     ids = tuple(numbers)
     held = None if anew else _linked(registry, ref, ids)
-    if held is not None and len(held.embedded) < FITTED:
-        held = None  # the embedding is fitted to more of them
+    if held is not None and len(held.embedded) < max(FITTED, PIVOTS):
+        held = None  # the embedding is fitted to more of them, or more of them are pivots
     stack = StoredModels(registry.models(ref, numbers.values()))
     before = new_graph(shared.seed) if held is None else held.graph
     # the same bytes on any number of threads; what is worth more cores asks for them itself
@@ -124,8 +124,8 @@ def _linked(registry: Registry, ref: str, ids: Sequence[str]) -> Linked | None:
     if None in found or len({count for count, _ in found}) != 1:
         return None
     embedded, judged, graph = (arrays for _, arrays in found)
-    known, grown = embedded.get("digests"), Graph.from_arrays(graph)
-    if known is None or grown.settings != new_graph(grown.settings.seed).settings:
+    known, grown = "digests" in embedded and "crossed" in judged, Graph.from_arrays(graph)
+    if not known or grown.settings != new_graph(grown.settings.seed).settings:
         return None  # by an older version
     return Linked(Embedded.from_arrays(embedded), Judged(**judged), grown)
 
@@ -169,14 +169,26 @@ def judge(
     """The rows on which the entries `ids` are judged; what is `held` of the first ones stays."""
     found = [] if held is None else [held]
     first = 0 if held is None else len(held)
-    new = ids[first:]
+    new, pivots = ids[first:], pivots_of(stack)
     for part in registry.parts(ref, new) if new else ():
         rows = np.arange(first, first + len(part.entries))
         (run,) = part.read()
-        found.append(judged_entries(shared, run.states, stack[rows]))
+        found.append(judged_entries(shared, run.states, stack[rows], pivots))
         first += len(rows)
     columns = zip(*(vars(one).values() for one in found), strict=True)
     return Judged(*(np.concatenate(column) for column in columns))
+
+
+def judged_from(arrays: dict[str, np.ndarray], stack: StoredModels) -> Judged:
+    """The inverse of `Judged.as_arrays`; what an older version did not keep is measured."""
+    if "crossed" not in arrays:
+        arrays = arrays | {"crossed": crossed_losses(pivots_of(stack), arrays["inputs"], arrays["targets"])}
+    return Judged(**arrays)
+
+
+def pivots_of(stack: StoredModels) -> MlpStack:
+    """The models that are judged on the rows of all entries."""
+    return stack[np.arange(min(PIVOTS, len(stack)))]
 
 
 def _parts(first: int, stop: int, size: int = 50) -> list[np.ndarray]:

@@ -10,7 +10,6 @@ import numpy as np
 import dynreg.verbs.linking as linking
 from dynreg.data.recording import Channel
 from dynreg.data.trajectories import Columns
-from dynreg.distance.cross_loss import Judged
 from dynreg.distance.population import Entries, Population, Shared, Training
 from dynreg.errors import CorruptError, DiffersError, NoMatchError
 from dynreg.executor import Executor
@@ -231,7 +230,11 @@ def load_population(
             embedded = linking.embed(registry, ref, ids, shared, stack)
     rows = registry.index(ref, "judged", ids) if judged else None
     if judged:
-        rows = linking.judge(registry, ref, ids, shared, stack) if rows is None else Judged(**rows)
+        rows = (
+            linking.judge(registry, ref, ids, shared, stack)
+            if rows is None
+            else linking.judged_from(rows, stack)
+        )
     did = _states(registry, ref, ids) if states else None
     places = np.array(list(numbers.values()), dtype=np.int64)
     entries = Entries(ids, places, embedded.values, did, embedded.train_loss)

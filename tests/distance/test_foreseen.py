@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from dynreg.distance.foreseen import Effort, gaussian, linear, seek
-from dynreg.distance.linked import EMBEDDED, effort, link_lengths, places
-from dynreg.index import Graph, GraphSettings
+from dynreg.distance.linked import SPREAD, effort, hardness, places
 from dynreg.rng import stream
 
 N, DIMENSIONS, FEATURES = 2000, 12, 40
@@ -100,25 +99,35 @@ def test_the_same_draws_find_the_same():
 
 
 def test_an_entry_whose_model_predicts_no_number_leaves_the_places_of_the_others():
-    vectors, own = Planted(5).vectors[:20], np.ones(20)
-    lost = vectors.copy()
-    lost[7] = np.nan
-    others = np.arange(20) != 7
-    right = places(vectors[others], own[others], own[others], own[others])
-    np.testing.assert_array_equal(places(lost, own, own, own)[others], right)
+    vectors, own, hard = Planted(5).vectors[:20], np.ones(20), Planted(6).vectors[:20, :4]
+    others = ~np.isin(np.arange(20), (7, 9))
+    right = places(vectors[others], own[others], hard[others], own[others])
+    lost, blown = vectors.copy(), own.copy()
+    lost[7], blown[9] = np.nan, np.inf
+    np.testing.assert_array_equal(places(lost, blown, hard, own)[others], right)
 
 
-def test_a_place_tells_the_embedding_the_logarithm_of_the_own_loss_and_the_length_of_links():
-    vectors, rng = Planted(6).vectors[:9], stream(6, "own losses and hubs")
-    own, hub = np.exp(rng.normal(size=9)), rng.uniform(1.0, 2.0, 9)
-    like = rng.uniform(size=9)
-    found = places(vectors, own, hub, like)
-    np.testing.assert_allclose(found[:, :-3].var(axis=0).sum(), EMBEDDED**2)
-    for column, told in zip(found[:, -3:].T, (np.log(own), hub, like), strict=True):
+def test_a_place_tells_the_embedding_how_hard_the_rows_are_the_own_loss_and_the_likeness():
+    vectors, rng = Planted(6).vectors[:9], stream(6, "own losses and pivots")
+    own, like, hard = np.exp(rng.normal(size=9)), rng.uniform(size=9), rng.normal(size=(9, 3))
+    found = places(vectors, own, hard, like)
+    size = vectors.shape[1]
+    for told, columns in ((vectors, found[:, :size]), (hard, found[:, size:-2])):
+        np.testing.assert_allclose(columns.var(axis=0).sum(), SPREAD**2)
+        alike = (told - told.mean(axis=0)) / np.sqrt(told.var(axis=0).sum())
+        np.testing.assert_allclose(columns, SPREAD * alike, err_msg="in one unit, not each in its own")
+    for column, told in zip(found[:, -2:].T, (np.log(own), like), strict=True):
         np.testing.assert_allclose(column, (told - told.mean()) / told.std(), rtol=1e-6)
-    np.testing.assert_allclose(
-        found, places(vectors, own, 7.0 * hub, like), err_msg="whatever the unit of lengths"
-    )
+
+
+def test_rows_are_hard_that_pivots_predict_worse_than_their_own_model():
+    own = np.array([0.5, 2.0, 1.0])
+    crossed = own[:, None] * np.exp([[0.1, 0.4], [0.2, 0.5], [0.3, 0.6]])
+    np.testing.assert_allclose(hardness(own, crossed), [[0.1, 0.4], [0.2, 0.5], [0.3, 0.6]], rtol=1e-9)
+    own[1], crossed[1] = np.inf, np.nan  # an entry that is lost anyway says nothing of pivots
+    np.testing.assert_allclose(hardness(own, crossed)[[0, 2]], [[0.1, 0.4], [0.3, 0.6]], rtol=1e-9)
+    crossed[2, 1] = np.nan
+    np.testing.assert_allclose(hardness(own, crossed)[[0, 2]], [[0.1, 0.0], [0.3, 0.0]], rtol=1e-9)
 
 
 def test_a_process_foresees_what_is_not_linear():
@@ -145,15 +154,41 @@ def test_a_process_foresees_what_is_not_linear():
     assert set(np.argsort(missed[:, 0])[:5]) <= set(bowl.order[:5])
 
 
-def test_the_length_of_an_entrys_links_is_the_median_of_those_that_were_measured():
-    rng = stream(5, "lengths")
-    lengths = [rng.uniform(size=n) for n in (4, 4, 0, 1, 2)]
-    lengths[1][2] = np.inf
-    lengths[4][:] = np.inf  # none of these was measured
-    nodes = tuple(np.zeros(len(one), dtype=int) for one in lengths)
-    found = link_lengths(Graph(GraphSettings(), nodes, tuple(lengths), nodes, 0))
-    told = [np.median(one[np.isfinite(one)]) for one in (lengths[0], lengths[1], lengths[3])]
-    assert found[[0, 1, 3]].tolist() == told and found[2] == found[4] == np.median(told)
+def test_a_process_foresees_a_slope_beyond_its_reach_and_a_level_that_few_of_the_judged_have():
+    places = np.linspace(-3.0, 3.0, 61, dtype=np.float32)[:, None]
+    missed = 2.0 + 0.5 * places
+    known, far = np.arange(20, 41), np.array([0, 60])
+    low, high = gaussian(reach=0.2, noise=1e-4, slope=1.0)(places)(known, missed[known], far)
+    assert high * missed[known].std() == pytest.approx(1.5, rel=0.3) and low == pytest.approx(-high, rel=1e-3)
+    # of a crowd and three that stand alone: far from all a miss is near the mean of four places, not of 43
+    places = np.append(np.zeros((40, 4)), 4.0 * np.eye(4), axis=0).astype(np.float32)
+    places[:40] += stream(8, "crowd").normal(scale=0.02, size=(40, 4))
+    missed = np.append(np.zeros(40), np.ones(3))[:, None].astype(np.float32)
+    foresee = gaussian(reach=1.0, noise=0.1, slope=0.1)(places)
+    (found,) = foresee(np.arange(43), missed, np.array([43])) * missed.std() + missed.mean()
+    assert found > 0.3 > 4 * missed.mean()
+
+
+def test_some_of_those_beside_the_best_are_judged_though_they_are_foreseen_to_be_far():
+    rng = stream(9, "beside")
+    places = rng.uniform(-1.0, 1.0, size=(400, 2)).astype(np.float32)
+    first = np.arange(32)
+    far = 1.0 + np.square(places - places[5]).sum(axis=1)  # the best is the sixth
+    asked: list[np.ndarray] = []
+
+    def missed(at):
+        asked.append(at)
+        return far[at][:, None].astype(np.float32), far[at]
+
+    def misled(_):  # foresees the farthest first
+        return lambda ids, misses, others: -far[others]
+
+    beside = np.argsort(np.square(places - places[5]).sum(axis=1))
+    beside = beside[~np.isin(beside, first)][:4]
+    for share, expected in ((0.25, True), (0.0, False)):
+        asked.clear()
+        seek(places, missed, 1, first, Effort(misled, least=40, each=16, beside=share))
+        assert np.isin(beside[:1], asked[1]).all() == expected and len(asked[1]) == 16
 
 
 def test_a_search_by_cross_loss_judges_a_smaller_share_of_more_entries():
