@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dynreg.data.checks.motion import velocity_slope
+from dynreg.data.checks.motion import velocities, velocity_slope
+from dynreg.data.checks.numbers import check_numbers
 from dynreg.data.checks.runs import longest_run
+from dynreg.data.episodes import RawEpisode
 from dynreg.data.ingest import doctor, read_recording
 from dynreg.data.maps import parse_map
 from dynreg.data.schema import ChannelSpec, RecordingSpec
@@ -387,3 +389,34 @@ def test_commands_with_scattered_stamps_are_not_said_to_be_dropped(
     for seconds in (even - np.arange(600) % 2 * 0.009, even + rng.uniform(0, 0.009, 600)):
         found = doctor(write_table(**commanded_at(seconds)), spec)
         assert not any("commands come at" in f.message for f in found)
+
+
+def computed(values: np.ndarray, error: float) -> Series:
+    """A rate that was computed from positions at 50 Hz, off by `error`."""
+    return replace(Series(np.arange(len(values)) / 50.0, values), error=error)
+
+
+@pytest.mark.parametrize(("lost", "severity"), [(10, "info"), (200, "warning")])
+def test_rates_that_are_not_known_are_told_and_warned_of_where_they_are_many(lost: int, severity: str):
+    values = np.sin(np.arange(500) / 10.0)
+    values[100 : 100 + lost] = np.nan
+    (found,) = check_numbers(computed(values, 0.001), "log.csv, arm/velocity")
+    assert (found.severity, found.check) == (severity, "rate")
+    assert f"{lost} of 500 rates are not known" in found.message
+    assert ("log faster" in found.message) == (severity == "warning")
+
+
+@pytest.mark.parametrize(("error", "told"), [(0.3, 0), (0.4, 1)])
+def test_rates_are_warned_of_that_are_off_by_half_their_size(error: float, told: int):
+    found = list(check_numbers(computed(np.sin(np.arange(500) / 10.0), error), "log.csv, arm/velocity"))
+    assert [f.severity for f in found] == ["warning"] * told
+    assert all("its rates of 0.71 (rms) are off by 0.4 (1 sigma)" in f.message for f in found)
+
+
+def test_a_rate_that_was_computed_is_not_compared_with_its_own_position():
+    time = np.arange(1000) / 50.0
+    position, twice = Series(time, np.sin(time)), 2.0 * np.cos(time)
+    for error, told in ((None, 1), (0.001, 0)):
+        velocity = replace(Series(time, twice), error=error)
+        episode = RawEpisode("1", "log.csv", {"arm/position": position, "arm/velocity": velocity})
+        assert len(list(velocities(episode, "log.csv"))) == told

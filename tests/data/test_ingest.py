@@ -11,9 +11,11 @@ import pyarrow.parquet as pq
 import pytest
 
 from dynreg.data.derivative import derivative
+from dynreg.data.episodes import RawEpisode
 from dynreg.data.ingest import doctor, read_recording
 from dynreg.data.maps import parse_map
 from dynreg.data.recording import Recording
+from dynreg.data.resample import resample
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.series import Series
 from dynreg.data.table import read_parquet, write_parquet
@@ -619,3 +621,18 @@ def test_a_setting_in_a_text_column_is_that_of_its_episode(
     pq.write_table(pa.table({name.replace("__", "/"): column for name, column in swing.items()}), path)
     with pytest.raises(LogError, match="'0.5 ' and '0.7 ' in one episode"):
         read_recording(path, servo_spec, parse_map(text))
+
+
+def test_a_rate_that_is_not_known_at_the_ends_cuts_nothing_off(servo_spec: RecordingSpec):
+    time = np.arange(500) / 50.0
+    rate = np.cos(time)
+    rate[:20] = rate[-20:] = np.nan
+    channels = {
+        "arm/position": Series(time, np.sin(time)),
+        "arm/velocity": replace(Series(time, rate), error=0.01),
+        "arm/target": Series(time, np.sin(time)),
+    }
+    start, grid, values = resample(RawEpisode("1", "log.csv", channels), servo_spec)
+    assert start == 0.0 and grid[-1] == pytest.approx(time[-1], abs=0.03)
+    column = [c.name for c in servo_spec.channels].index("arm/velocity")
+    assert np.isnan(values[0, column]) and np.isnan(values[-1, column]) and np.isfinite(values[100, column])

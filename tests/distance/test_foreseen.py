@@ -154,6 +154,19 @@ def test_a_process_foresees_what_is_not_linear():
     assert set(np.argsort(missed[:, 0])[:5]) <= set(bowl.order[:5])
 
 
+def test_a_process_that_leaves_out_what_it_knew_foresees_as_one_that_never_knew_it():
+    rng = stream(10, "left out")
+    places = rng.normal(size=(200, 3)).astype(np.float32)
+    missed = rng.normal(size=(200, 1)).astype(np.float32)
+    ids, others = np.arange(50), np.arange(100, 200)
+    foresee, anew = (gaussian(1.0, 0.1, 0.1)(places) for _ in range(2))
+    foresee(ids[:20], missed[:20], others)
+    some = ids[ids % 3 > 0]  # the others turn out to be too far to learn from
+    np.testing.assert_allclose(
+        foresee(some, missed[some], others), anew(some, missed[some], others), rtol=1e-3, atol=1e-4
+    )
+
+
 def test_a_process_foresees_a_slope_beyond_its_reach_and_a_level_that_few_of_the_judged_have():
     places = np.linspace(-3.0, 3.0, 61, dtype=np.float32)[:, None]
     missed = 2.0 + 0.5 * places

@@ -1,5 +1,6 @@
 """What a log adds to a draft: rate, noise, the kind of drives, a map with which it is read."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -213,6 +214,13 @@ def test_noise_and_quantum_are_found_in_still_moments(noise, quantum):
     found = sensed(Series(time, values), "rad")
     assert found.noise == pytest.approx(noise, rel=0.3, abs=2e-5)
     assert found.quantum == pytest.approx(quantum, rel=1e-3)
+
+
+def test_the_noise_of_a_rate_that_was_computed_is_its_error_however_smooth_it_is():
+    time = np.arange(2000) / 200.0
+    found = sensed(replace(Series(time, np.sin(time)), error=0.0123), "rad/s")
+    assert (found.noise, found.quantum, found.still) == (0.012, 0.0, False)
+    assert sensed(Series(time, np.sin(time)), "rad/s").noise < 0.001
 
 
 @pytest.mark.parametrize(("moves", "still"), [(0.0, True), (0.001, True), (0.1, False)])

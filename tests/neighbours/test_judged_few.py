@@ -10,11 +10,13 @@ import secret_servo
 from secret_servo import ENTRIES, TRAINING
 
 from dynreg import session
-from dynreg.distance import ahead, linked, one_sided, query
+from dynreg.distance import ahead, foreseen, linked, one_sided, query
+from dynreg.distance.cross_loss import PIVOTS
 from dynreg.distance.query import DistanceQuery
 from dynreg.distance.table import DISTANCES
 from dynreg.errors import CorruptError
 from dynreg.index import GraphSettings, build
+from dynreg.models.losses import losses
 from dynreg.neighbours import retrieve as retrieve_module
 from dynreg.verbs import linking
 from dynreg.verbs.populations import load_graph, load_population
@@ -121,6 +123,39 @@ def index_of(opened) -> dict[str, np.ndarray]:
     identity = id_of(opened)
     arrays = {key: opened.registry.index(identity, key) for key in ("graph", "embedding", "judged")}
     return {f"{key}/{name}": a for key, some in arrays.items() for name, a in some.items()}
+
+
+def test_a_search_by_cross_loss_judges_first_the_entries_whose_rows_pivots_predict_best(
+    servos, searching, monkeypatch
+):
+    given, first = asked(servos, 3), []
+
+    def seek(places, missed, wanted, ids, effort):
+        first.extend(ids)
+        return foreseen.seek(places, missed, wanted, ids, effort)
+
+    monkeypatch.setattr(linked, "seek", seek)
+    DISTANCES["cross_loss"].rank(given)
+    judged = given.population.judged
+    pivots = given.population.stack[np.arange(PIVOTS)]
+    rows = zip(judged.inputs, judged.targets, strict=True)
+    crossed = np.array([losses(pivots, *one) for one in rows])
+    np.testing.assert_allclose(judged.crossed, crossed, rtol=1e-4)
+    easy = np.log(crossed / judged.own[:, None]).mean(axis=1)
+    assert set(np.argsort(easy)[: linked.HUBS]) <= set(first)
+
+
+def test_an_index_without_what_pivots_tell_finds_the_same_and_is_made_anew_by_linking(copy, searching):
+    identity, ids = id_of(copy), tuple(copy.registry.numbers(id_of(copy)))
+    wanted = DISTANCES["cross_loss"].rank(asked(copy, 2))
+    older = dict(copy.registry.index(identity, "judged", ids))
+    crossed = older.pop("crossed")
+    copy.registry.put_index(identity, "judged", older, ids)
+    found = DISTANCES["cross_loss"].rank(asked(copy, 2))
+    np.testing.assert_array_equal(found.order, wanted.order)
+    np.testing.assert_array_equal(found.distance, wanted.distance)
+    assert copy.populate("servo_pendulum", ENTRIES, training=TRAINING).linked == ENTRIES
+    np.testing.assert_array_equal(copy.registry.index(identity, "judged", ids)["crossed"], crossed)
 
 
 def test_a_population_that_grew_has_the_index_of_one_that_came_at_once(servos, tmp_path, monkeypatch):
