@@ -28,9 +28,11 @@ _THREADS = 2  # shards decoded side by side; beyond two, memory is the limit
 
 
 def load_population(
-    directory: Directory, population_id: str, columns: Collection[str] = COLUMNS
+    directory: Directory, population_id: str, columns: Collection[str] = COLUMNS, since: int = 0
 ) -> PopulationArrays:
-    """All entries of a population, stacked; `columns` says which of the large arrays to read.
+    """All entries of a population, stacked; `columns` of "states", "weights" says which large arrays to read.
+
+    since : number of an entry; shards that end before it are left out.
 
     Raises
     ------
@@ -43,10 +45,11 @@ def load_population(
         )
     record = get_population(directory, population_id)
     with directory.catalog.read() as connection:
-        shards = _shards(connection, population_id)
-        table = tables.entries
+        shards = [s for s in _shards(connection, population_id) if s.stop > since]
+        begin, table = shards[0].start if shards else 0, tables.entries
         query = select(table.c.id, table.c.number).where(table.c.population_id == population_id)
-        entries = connection.execute(query.order_by(table.c.number)).all()
+        query = query.where(table.c.number >= begin).order_by(table.c.number)
+        entries = connection.execute(query).all()
     numbers = np.array([row.number for row in entries], dtype=np.int64)
     _check_whole(population_id, shards, numbers)
     skip = "/" if "weights" in columns else "weights/"

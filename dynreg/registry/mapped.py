@@ -30,12 +30,12 @@ class MappedModels:
     """The models of entries by row, which is their place in the order of numbers; needs the open registry.
 
     Each model is compared with its digest when it is first read, so that a walk reads no more than what it visits. A
-    shard whose entries have no digests is compared whole.
+    shard with an entry that has no digest is compared whole.
 
     Attributes
     ----------
     numbers : (n,) of the entries in the population, ascending.
-    digests : (n,) uint64, see `digest_of`; None where nobody computed them.
+    digests : (m,) uint64 of the first m <= n entries, see `digest_of`; none where nobody computed them.
     read : models read, each time counted.
     """
 
@@ -49,7 +49,8 @@ class MappedModels:
         self._starts = np.array([shard.start for shard in self._shards], dtype=np.int64)
         self._directory, self._open, self._opening = directory, {}, threading.Lock()
         self._sound = np.zeros(len(numbers), dtype=bool)
-        self.numbers, self.digests, self.read = np.asarray(numbers), digests, 0
+        self.numbers, self.read = np.asarray(numbers), 0
+        self.digests = np.zeros(0, dtype=np.uint64) if digests is None else digests
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -97,7 +98,7 @@ class MappedModels:
 
     def _opened(self, told: Row) -> dict[str, np.ndarray] | Remote:
         """A shard's weights in mapped memory; the file itself where it lies in a bucket and not here."""
-        if self.digests is None:
+        if np.searchsorted(self.numbers, told.stop) > len(self.digests):
             (path,) = self._directory.checked(told.arrays_path)
         elif self._directory.bucket is None:
             path = self._directory.locate(told.arrays_path)
@@ -106,9 +107,7 @@ class MappedModels:
         return path if isinstance(path, Remote) else _mapped(path, told)
 
     def _check(self, rows: np.ndarray, models: dict[str, np.ndarray], shard: int) -> None:
-        if self.digests is None:
-            return
-        for at in np.flatnonzero(~self._sound[rows]):
+        for at in np.flatnonzero(~self._sound[rows] & (rows < len(self.digests))):
             if digest_of({name: array[at] for name, array in models.items()}) != self.digests[rows[at]]:
                 held, path = self._held(shard), self._directory.locate(self._shards[shard].arrays_path)
                 source = held if isinstance(held, Remote) else path

@@ -190,9 +190,11 @@ class Registry:
         """Store the entries from number `start` on and return their ids; see `entries.put_shard`."""
         return entries.put_shard(self.directory, self._id(ref, "population"), start, data)
 
-    def load(self, ref: str, columns: Collection[str] = loading.COLUMNS) -> PopulationArrays:
-        """All entries of a population, stacked; `columns` of "states", "weights" says what to read."""
-        return loading.load_population(self.directory, self._id(ref, "population"), columns)
+    def load(
+        self, ref: str, columns: Collection[str] = loading.COLUMNS, *, since: int = 0
+    ) -> PopulationArrays:
+        """The entries of a population, stacked; see `loading.load_population`."""
+        return loading.load_population(self.directory, self._id(ref, "population"), columns, since)
 
     def load_entry(self, ref: str) -> EntryRecord:
         """One entry with its states and weights."""

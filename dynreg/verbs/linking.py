@@ -5,7 +5,7 @@ rows on which cross-losses are measured). All can be made again from the shards.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from dynreg.registry import MappedModels, Registry
 
 FITTED = 500  # entries to which the embedding is fitted: the first ones, so that it stays when others come
 _MAP = ("probes", "base", "mean", "components")  # arrays of the embedding itself
+_OF_ENTRIES = ("vectors", "values", "train_loss", "digests")
 
 
 class StoredModels:
@@ -52,6 +53,11 @@ class Embedded:
     def __len__(self) -> int:
         return len(self.vectors)
 
+    def grown(self, new: "Embedded") -> "Embedded":
+        """With the entries of another after its own, by the same embedding."""
+        pairs = {name: (getattr(self, name), getattr(new, name)) for name in _OF_ENTRIES}
+        return replace(self, **{name: np.concatenate(pair) for name, pair in pairs.items()})
+
     def as_arrays(self) -> dict[str, np.ndarray]:
         """Arrays by name, for the index."""
         own = {name: array for name, array in vars(self).items() if name != "embedding"}
@@ -60,7 +66,7 @@ class Embedded:
     @classmethod
     def from_arrays(cls, arrays: dict[str, np.ndarray]) -> "Embedded":
         """The inverse of `as_arrays`."""
-        told = {name: arrays[name] for name in ("vectors", "values", "train_loss", "digests")}
+        told = {name: arrays[name] for name in _OF_ENTRIES}
         return cls(Embedding(*(arrays[name] for name in _MAP)), **told)
 
 
@@ -94,7 +100,8 @@ def link(
     held = None if anew else _linked(registry, ref, ids)
     if held is not None and len(held.embedded) < max(FITTED, PIVOTS):
         held = None  # the embedding is fitted to more of them, or more of them are pivots
-    stack = StoredModels(registry.models(ref, numbers.values()))
+    known = None if held is None else held.embedded.digests
+    stack = StoredModels(registry.models(ref, numbers.values(), known))
     before = new_graph(shared.seed) if held is None else held.graph
     # the same bytes on any number of threads; what is worth more cores asks for them itself
     with single_threaded(), threadpool_limits(1):
@@ -140,22 +147,28 @@ def embed(
 ) -> Embedded:
     """The embedding of the entries `ids`; what is `held` of the first ones stays."""
     first = 0 if held is None else len(held)
+    if first == len(ids):
+        return held
     if held is None:
         some = stack[np.arange(min(FITTED, len(stack)))]
         embedding = fit_embedding(some, shared.base, shared.probes)
     else:
         embedding = held.embedding
+    told = registry.load(ref, (), since=int(stack.mapped.numbers[first]))
+    place = {identity: row for row, identity in enumerate(told.ids)}  # others may have come meanwhile
+    rows = np.array([place[identity] for identity in ids[first:]])
     vectors, digests = [], []
     for part in _parts(first, len(stack)):
         vectors.append(embedding.vectors(stack[part]))
         digests.append(stack.mapped.digests_of(part))
-    if held is not None:
-        vectors, digests = [held.vectors, *vectors], [held.digests, *digests]
-    told = registry.load(ref, ())
-    place = {identity: row for row, identity in enumerate(told.ids)}  # others may have come meanwhile
-    rows = np.array([place[identity] for identity in ids])
-    about = told.values[rows], told.train_loss[rows]
-    return Embedded(embedding, np.concatenate(vectors), *about, np.concatenate(digests))
+    new = Embedded(
+        embedding,
+        np.concatenate(vectors),
+        told.values[rows],
+        told.train_loss[rows],
+        np.concatenate(digests),
+    )
+    return new if held is None else held.grown(new)
 
 
 def judge(

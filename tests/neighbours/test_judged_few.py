@@ -2,6 +2,7 @@
 
 import shutil
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,8 +19,9 @@ from dynreg.errors import CorruptError
 from dynreg.index import GraphSettings, build
 from dynreg.models.losses import losses
 from dynreg.neighbours import retrieve as retrieve_module
+from dynreg.registry.directory import Directory
 from dynreg.verbs import linking
-from dynreg.verbs.populations import load_graph, load_population
+from dynreg.verbs.populations import link, load_graph, load_population
 
 
 @pytest.fixture
@@ -174,6 +176,34 @@ def test_a_population_that_grew_has_the_index_of_one_that_came_at_once(servos, t
     for name, array in wanted.items():
         np.testing.assert_array_equal(found[name], array, err_msg=name)
     assert evaluations[-1] == sum(range(20, ENTRIES)), "the new ones alone, each with all before it"
+
+
+def test_linking_those_that_came_reads_whole_the_files_of_these_alone(copy, monkeypatch):
+    monkeypatch.setattr(linking, "FITTED", 10)
+    before, whole, checked = set(copy.path.glob("shards/*.safetensors")), [], Directory.checked
+
+    def watched(self, *names):
+        whole.extend(Path(name).name for name in names)
+        return checked(self, *names)
+
+    monkeypatch.setattr(Directory, "checked", watched)
+    told = copy.populate("servo_pendulum", ENTRIES + 4, training=TRAINING, link=False)
+    assert told.added == 4
+    whole.clear()
+    assert link(copy.registry, id_of(copy))[0] == ENTRIES + 4
+    new = {path.name for path in copy.path.glob("shards/*.safetensors") if path not in before}
+    assert {name for name in whole if name.endswith(".safetensors")} == new
+
+
+def test_a_model_that_was_changed_since_is_not_linked_to(copy, monkeypatch):
+    monkeypatch.setattr(linking, "FITTED", 10)
+    (path,) = (copy.path / "shards").glob("*.safetensors")
+    copy.populate("servo_pendulum", ENTRIES + 4, training=TRAINING, link=False)
+    data = bytearray(path.read_bytes())
+    data[-1000] ^= 1  # in the last tensor, of the last entry
+    path.write_bytes(data)
+    with pytest.raises(CorruptError, match="not the one that was registered"):
+        link(copy.registry, id_of(copy))
 
 
 def test_relinking_makes_the_same_index_again(copy):
