@@ -18,7 +18,7 @@ from dynreg.sim.run import Run
 
 LONGEST = 10.0  # s of a rollout if the robot states no horizon; packaged robots state 0.5 to 10 s
 BEFORE = 3.0  # s of commands before a window: longer than bases remember
-LATE = 0.5  # s of them where no base remembers: longer than the longest delay, and than most lags, of the library
+LATE = 1.0  # s of them where no base remembers: longer than any delay, most lags and most profiles
 ENOUGH = 4  # poses that tell a velocity better than commands do
 Cut = tuple[int, int, int]  # episode, first row, one past the last row
 

@@ -20,8 +20,8 @@ class Run:
     initial : (E, S) state to start from, NaN where it is not known; None starts from the robot's reset pose.
     velocity : (E, 2) speed [m/s] and yaw rate [rad/s] that planar bases start with where no channel of `initial` tells
         them; NaN or None for a start at rest, or from what was told `before`.
-    before : (E, L, A) commands of the rows before the first, NaN where they are not known; None for none. Delays and
-        lags look back at them, and planar bases start with the velocity that their own lags make of them, from
+    before : (E, L, A) commands of the rows before the first, NaN where they are not known; None for none. Delays, lags
+        and profiles look back at them, and planar bases start with the velocity that their own lags make of them, from
         standstill.
     period : seconds between commands; None takes each simulator's own command rate.
     noise : (E, T, A), or (B, E, T, A) as the actions: standard normal draws for the motor noise; None runs without it.

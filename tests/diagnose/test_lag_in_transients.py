@@ -1,4 +1,4 @@
-"""A lag of the commands has its true size where windows of a log begin within its transients."""
+"""A lag and a limited rate of the commands have their true sizes where windows of a log begin in transients."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ import dynreg
 from dynreg.data.recording import Channel, Episode, Recording
 from dynreg.sim.robot import load_robot
 
-LAG = 0.05  # s
+SIZES = {"command_lag": ("time", 0.05), "rate_limit": ("rate", 4.0)}  # s, rad/s
 PERIOD, FINE = 0.02, 0.0002  # s between commands; the time step of the hidden robot
 MODEL = """<mujoco>
   <option timestep="0.004" integrator="implicitfast"/>
@@ -75,36 +75,41 @@ sets = ["mj.dof_armature[arm] ="]
 """
 
 
-def log() -> Recording:
-    """Steps every 0.34 s behind a lag, by MuJoCo and a filter of this test's own: no code of dynreg."""
+def log(effect: str) -> Recording:
+    """Steps every 0.34 s behind an effect, by MuJoCo and a filter of this test's own: no code of dynreg."""
     rng, rows = np.random.default_rng(4), 1000
     told = rng.uniform(-0.9, 0.9, rows // 17 + 1).repeat(17)[:rows]
+    told[:17] = 0.0  # at rest where it is
     model = mujoco.MjModel.from_xml_string(MODEL)
     model.opt.timestep = FINE
     data, held, values = mujoco.MjData(model), told[0], np.empty((rows, 3))
-    keep = np.exp(-FINE / LAG)
+    lags, size = effect == "command_lag", SIZES[effect][1]
+    keep, reach = np.exp(-FINE / size), size * FINE
     for row, target in enumerate(told):
         noise = rng.standard_normal(2) * [0.002, 0.05]
         values[row] = data.qpos[0] + noise[0], data.qvel[0] + noise[1], target
         for _ in range(round(PERIOD / FINE)):
             data.ctrl[0] = held  # late by half a time step, as MuJoCo moves the joint early by as much
-            held = target + (held - target) * keep
+            held = target + (held - target) * keep if lags else held + np.clip(target - held, -reach, reach)
             mujoco.mj_step(model, data)
     names = (Channel("arm/position", "rad"), Channel("arm/velocity", "rad/s"), Channel("arm/target", "rad"))
     return Recording(names, (Episode("steps", np.arange(rows) * PERIOD, values),), measured=False)
 
 
-@pytest.mark.parametrize("engine", ["joint", "mujoco"])
-def test_a_lag_behind_steps_is_found_as_long_as_it_is(engine: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "effect, engine", [("command_lag", "joint"), ("command_lag", "mujoco"), ("rate_limit", "joint")]
+)
+def test_what_smooths_steps_is_found_as_large_as_it_is(effect: str, engine: str, tmp_path: Path) -> None:
     folder = tmp_path / "lagging_arm"
     folder.mkdir()
     (folder / "model.xml").write_text(MODEL, encoding="utf-8")
     (folder / "robot.toml").write_text(TOML.format(engine=engine), encoding="utf-8")
     with dynreg.open(tmp_path / "registry") as registry:
-        name = registry.ingest(log(), load_robot(folder), name="steps").recording
-        found = registry.diagnose(name, effects=("command_lag",), threshold_runs=0, threads=1)
+        name = registry.ingest(log(effect), load_robot(folder), name="steps").recording
+        found = registry.diagnose(name, effects=(effect,), threshold_runs=0, threads=1)
     (cause,) = found.causes
-    time = cause.parameters["time"]
-    assert (found.verdict, cause.effect) == ("named", "command_lag")
-    assert time.value == pytest.approx(LAG, rel=0.1)
-    assert time.low <= LAG <= time.high
+    name, size = SIZES[effect]
+    fitted = cause.parameters[name]
+    assert (found.verdict, cause.effect) == ("named", effect)
+    assert fitted.value == pytest.approx(size, rel=0.1)
+    assert fitted.low <= size <= fitted.high

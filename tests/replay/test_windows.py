@@ -62,13 +62,13 @@ def test_a_replay_of_the_truth_has_no_error_and_one_of_another_servo_has(robot):
 def test_windows_carry_what_was_told_before_them(robot, recording):
     cut = windows(with_horizon(robot, 0.2), recording)
     before, (told,) = cut.run.before, columns(recording, "arm/target")
-    assert before.shape == (15, 50, 1) and np.isnan(before[::3]).all()
+    assert before.shape == (15, 100, 1) and np.isnan(before[::3]).all()
     for w in (1, 2, 5):
         first = cut.rows[w, 0]
         np.testing.assert_array_equal(
-            before[w, 50 - first :, 0], recording.episodes[w // 3].values[:first, told]
+            before[w, 100 - first :, 0], recording.episodes[w // 3].values[:first, told]
         )
-        assert np.isnan(before[w, : 50 - first]).all()
+        assert np.isnan(before[w, : 100 - first]).all()
     assert windows(robot, recording).run.before is None, "whole episodes"
 
 

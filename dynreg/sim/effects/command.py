@@ -55,6 +55,7 @@ class RateLimit(_OnTargets):
     )
     near = ("speed_limit", "command_lag")
     separate_by = "steps of different height without load: a rate limit takes time in proportion to height"
+    recalls = True
 
     def command(self, u: np.ndarray, x: Moment, p: Values) -> np.ndarray:
         last = x.memory.get("u")
@@ -85,6 +86,7 @@ class ProfileSpeed(Effect):
     separate_by = (
         "read the servo's profile registers, or log the target that its loop follows in one high step"
     )
+    recalls = True
 
     def why_not(self, robot: Robot) -> str | None:
         return None if drives(robot, "position", "duty_servo") else "no drive follows positions"

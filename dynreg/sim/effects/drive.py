@@ -87,7 +87,8 @@ class FeedbackDelay(Effect):
 class TorqueLag(Effect):
     """The torque that comes follows the one asked for by a first-order lag, as a current loop's does.
 
-    What a motor's back-EMF takes off is a part of it.
+    What a motor's back-EMF takes off is a part of it. A run begins with the torque that is asked for as it begins,
+    whatever was asked before: that depends on where the joint was, and not on commands alone.
     """
 
     id, acts_on, title = "torque_lag", "drive", "the torque follows what is asked by a first-order lag"

@@ -150,8 +150,9 @@ class Effect:
     configure(site, p) : write model fields and port constants once, before anything moves.
     feedback(q, v, x, p) : (rows, joints) position and speed that the drive's encoder says -> those that its loop sees.
     begin(robot, batch, rows) : change the state in which an episode starts, in a mujoco.batch.Batch of that model.
-    command(u, x, p) : (rows, joints) commands -> commands. `recalls` is true where it looks at commands alone: then it
-        is called with those told before a run, too, each for as long as it held, so that its memory is that of then.
+    command(u, x, p) : (rows, joints) commands -> commands. `recalls` is true where it looks at commands alone, and at
+        the joint's `q` and `v` only to begin: then it is called with those told before a run, too, as if the joint had
+        stood on the first of these, so that its memory is that of then.
     encoder(x, p) : how far ahead of the joint the encoder stands [rad] and how much faster it turns, (rows, joints)
         each, for one that does not sit on the joint, or runs out of true. It is asked at first, some times over, when
         `x.torque` is what the drive gives, then after every time step. Both the loop and the log have what it says.

@@ -1,7 +1,7 @@
 """Effects at work in an engine: which simulations have them, what they see, when they are called."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Any
 
@@ -19,6 +19,8 @@ from dynreg.sim.sets import is_limit
 BACK = (
     0.2  # s that a drive's loop can look back on its own encoder: by contract, twice the most of any effect
 )
+
+NO_TIME = 1e-100  # s: a time step in which nothing gets anywhere, to the bit
 
 
 @dataclass
@@ -158,25 +160,6 @@ def on(active: list[Acting], port: str) -> list[Acting]:
     return [a for a in active if getattr(a.effect, port) is not None]
 
 
-def recall(active: list[Acting], clock: "Clock") -> None:
-    """Let the effects that look at commands alone remember those told before the run; `prepare` the terms after it.
-
-    Else a lag would begin each window of a log on its first command, and a fit would find it too short.
-    """
-    telling = [a for a in on(active, "command") if a.effect.recalls]
-    if clock.before is None or not telling:
-        return
-    whole = replace(clock, h=clock.period)  # a command at once: within it nothing changes
-    whole.show(telling)
-    for step in range(-clock.before.shape[1], 0):
-        whole.step = step
-        u = whole.told[:, step].copy()
-        for a in telling:
-            u[a.where] = a.effect.command(u[a.where], a.moment, a.values)
-        if not any(a.moment.memory for a in telling):
-            break
-
-
 @dataclass
 class Clock:
     """Where a rollout is: command step, substep, and the commands so far; for delays and drifts.
@@ -228,13 +211,14 @@ class Clock:
     def past(self, a: Acting, delay: np.ndarray) -> np.ndarray:
         """What `Moment.past` answers for one term."""
         rows = np.arange(len(self.commands))[a.rows]
-        period, h, first = self.period[a.rows, None], self.h[a.rows, None], self._first[a.rows, None]
+        period, h, first = self.period[a.rows, None], self.h[a.rows, None], self.first[a.rows, None]
         late, early, share = shares(self.step, self.substep, period, h, delay, first)
         now, before = (self.told[rows[:, None], command, a.joints] for command in (late, early))
         return share * now + (1.0 - share) * before
 
     @cached_property
-    def _first(self) -> np.ndarray:
+    def first(self) -> np.ndarray:
+        """(n,) as of `first_known`."""
         return first_known(self.before, len(self.period))
 
     @property
@@ -244,7 +228,7 @@ class Clock:
 
     @cached_property
     def _told(self) -> np.ndarray:
-        return with_before(self.commands, self.before, self._first)
+        return with_before(self.commands, self.before, self.first)
 
 
 def begun(begin: Any, step: Any, substep: Any, period: Any, h: Any) -> Any:
@@ -295,6 +279,34 @@ def commanded(
     """(n, A) commands after the effects on them; `measured` (n, A) is what the encoders say."""
     if not active:
         return u
+    if clock.step == clock.substep == 0 and clock.before is not None:
+        _recall([a for a in active if a.effect.recalls], measured, v, clock)
+    return _told(active, u, measured, v, clock)
+
+
+def _recall(active: list[Acting], measured: np.ndarray, v: np.ndarray, clock: Clock) -> None:
+    """Let effects remember the commands before the run; the joint is taken to have stood on the first of these.
+
+    Else a lag would begin each window of a log on its first command, and a fit would find it too short. Simulations of
+    which no command before is known begin as if they were alone: for them no time passes.
+    """
+    known, last = clock.first[:, None] < 0, -clock.before.shape[1]
+    measured, v = np.where(known, clock.told[:, last], measured), np.where(known, 0.0, v)
+    for a in active:
+        a.moment.h = np.where(known, clock.h[:, None], NO_TIME)[a.rows]
+    for step in range(last, 0):
+        for substep in range(clock.substeps.max()):
+            clock.step, clock.substep = step, substep
+            _told(active, clock.told[:, step], measured, v, clock)
+        if not any(a.moment.memory for a in active):
+            break
+    clock.step = clock.substep = 0
+    clock.show(active)
+
+
+def _told(
+    active: list[Acting], u: np.ndarray, measured: np.ndarray, v: np.ndarray, clock: Clock
+) -> np.ndarray:
     u = u.copy()
     for a in active:
         x = a.see(q=measured, v=v)

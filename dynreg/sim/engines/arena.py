@@ -10,16 +10,7 @@ from mujoco.batch import Batch
 from dynreg.errors import SimulationError
 from dynreg.sim.beside import own_geoms
 from dynreg.sim.effects import Moment, Terms
-from dynreg.sim.engines.acting import (
-    Clock,
-    acting,
-    clock_of,
-    configure_terms,
-    observed,
-    on,
-    recall,
-    with_drives,
-)
+from dynreg.sim.engines.acting import Clock, acting, clock_of, configure_terms, observed, on, with_drives
 from dynreg.sim.engines.alone import Alone
 from dynreg.sim.engines.diverged import diverged, too_fast
 from dynreg.sim.engines.mujoco_model import (
@@ -206,7 +197,6 @@ class Simulations:
         steps = self.steps(commands, run.draws, told_before(self.layout, run))
         if self._placed:  # on the way: a filter holds what was told before
             self._fill(steps.clock)
-        recall(self._active, steps.clock)
         return steps
 
     def _fill(self, clock: Clock) -> None:

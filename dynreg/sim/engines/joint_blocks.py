@@ -54,7 +54,7 @@ def integrate(joints: Joints, active: Sequence[Acting], drives: np.ndarray, thre
     for name, values in joints.rows.items():
         given[getattr(joint_kernel, name) // joint_kernel.WIDTH] = values
     own = np.concatenate([np.zeros((0, n * count)), *(_spread(one, n * count) for one in placed)])
-    blocks, order, terms = _blocks(joints.substeps, placed, kinds, count)
+    blocks, order, terms = _blocks(joints.substeps, joints.rows["FIRST"][:, 0], placed, kinds, count)
     sizes = np.array([one.rows for one in kinds] or [0])
     looking = np.array([int(one.looks) for one in kinds] or [0])
     recalling = np.array([one.recalls * (2 if one.slots else 1) for one in kinds] or [0])
@@ -102,12 +102,16 @@ def _spread(one: Placed, joints: int) -> np.ndarray:
 
 
 def _blocks(
-    substeps: np.ndarray, placed: Sequence[Placed], kinds: Mapping[Traced, int], count: int
+    substeps: np.ndarray,
+    first: np.ndarray,
+    placed: Sequence[Placed],
+    kinds: Mapping[Traced, int],
+    count: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """`blocks`, `order` and `terms` of `joint_kernel.run`."""
-    has = np.zeros((len(substeps) * count, 1 + len(placed)), dtype=np.int64)
-    has[:, 0] = np.repeat(substeps, count)
-    for column, one in enumerate(placed, start=1):
+    """`blocks`, `order` and `terms` of `joint_kernel.run`. first : (n,) as of `first_known`."""
+    has = np.zeros((len(substeps) * count, 2 + len(placed)), dtype=np.int64)
+    has[:, 0], has[:, 1] = np.repeat(substeps, count), np.repeat(first < 0, count)
+    for column, one in enumerate(placed, start=2):
         has[one.numbers.ravel(), column] = 1
     unlike, group = np.unique(has, axis=0, return_inverse=True)
     order, ends = np.argsort(group, kind="stable"), np.cumsum(np.bincount(group))
@@ -115,7 +119,7 @@ def _blocks(
     blocks, terms = [], []
     for kind, begin, end in zip(unlike, [0, *ends], ends, strict=False):
         first = len(terms)
-        terms += [(kinds[placed[i].traced], begins[i]) for i in np.flatnonzero(kind[1:])]
+        terms += [(kinds[placed[i].traced], begins[i]) for i in np.flatnonzero(kind[2:])]
         cuts = np.linspace(begin, end, -(-(end - begin) // joint_kernel.WIDTH) + 1).astype(int)
         blocks += [(*cut, first, len(terms), kind[0]) for cut in zip(cuts, cuts[1:], strict=False)]
     whole = np.array(blocks, dtype=np.int64).reshape(-1, 5)  # none for a robot whose joints are all left out

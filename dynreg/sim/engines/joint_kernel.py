@@ -1,7 +1,7 @@
 """The joint engine's integrator: `compiling` hands this text to numba, with the servo law and the ports of effects.
 
 Every joint is a column of a small table `x`, whose rows have names. The columns of a block have the same effects and as
-many time steps in a command.
+many time steps in a command; commands before the run are known of all of them, or of none.
 """
 
 import numpy as np
@@ -256,8 +256,8 @@ def load(x, n, joints, given, own, terms, sizes, places):
             at += sizes[terms[j, 0]]
 
 
-def recall(x, kinds, places, recalling, n, commands, sims, drives, told, trail):
-    """Let effects that look at commands alone remember the last `told` of these: those before the run.
+def recall(x, kinds, places, recalling, n, commands, sims, drives, substeps, told, trail):
+    """Let effects remember the last `told` commands, those before the run; joints are taken to have stood on the first.
 
     recalling : 0 for kinds that look at more, 2 for those that remember. Whether there was something to remember.
     """
@@ -265,16 +265,19 @@ def recall(x, kinds, places, recalling, n, commands, sims, drives, told, trail):
     for j in range(len(kinds)):
         telling[j] = kinds[j] if recalling[kinds[j]] else -1
         remembers = remembers or recalling[kinds[j]] == 2
-    if not remembers or told == 0:
+    if not remembers or x[FIRST] == 0.0:
         return False
+    for k in range(n):
+        x[MEASURED + k], x[AFTER + k], x[V + k] = commands[sims[k], -told, drives[k]], x[V + k], 0.0
+    first = 1
     for step in range(-told, 0):
-        for k in range(n):
-            x[U + k], x[AFTER + k] = commands[sims[k], step, drives[k]], x[H + k]
-            x[H + k] = x[PERIOD + k]  # each command at once: within it nothing changes
-        first = 1 if step == -told else 0
-        command(x, telling, places, n, first, commands, sims, drives, step, 0, trail)
-        for k in range(n):
-            x[H + k] = x[AFTER + k]
+        for substep in range(substeps):
+            for k in range(n):
+                x[U + k] = commands[sims[k], step, drives[k]]
+            command(x, telling, places, n, first, commands, sims, drives, step, substep, trail)
+            first = 0
+    for k in range(n):
+        x[V + k] = x[AFTER + k]
     return True
 
 
@@ -329,7 +332,7 @@ def run(
                 x[AHEAD + k] = x[FASTER + k] = x[COUNT + k] = 0.0
         trail = np.zeros((1 + kept, 2, WIDTH))
         told = commands.shape[1] - positions.shape[1] + 1
-        recalled = recall(x, kinds, places, recalling, n, commands, sims, drives, told, trail)
+        recalled = recall(x, kinds, places, recalling, n, commands, sims, drives, substeps, told, trail)
         for step in range(positions.shape[1] - 1):
             if listen(x, n, inputs, heard, sims, drives, step):
                 obey(x, n)

@@ -21,7 +21,6 @@ from dynreg.sim.engines.acting import (
     configure_terms,
     observed,
     on,
-    recall,
     true_states,
 )
 from dynreg.sim.engines.planar_names import ON_WHEELS, QUANTITIES, Base, planar_base
@@ -110,7 +109,6 @@ class _Motion:
         self.most = int(clock.substeps.max())
         for a in active:
             a.moment.speeds = True
-        recall(active, clock)
         clock.show(active)
 
     def hold(self, state: np.ndarray, step: int) -> np.ndarray:
