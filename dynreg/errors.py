@@ -168,6 +168,18 @@ def one_of(names: Iterable[str], given: object = "", none: str = "there is nothi
     return f"one of {quoted(known[:LISTED])} and {len(known) - LISTED} more"
 
 
+def nearest(given: str, known: Iterable[str], otherwise: str) -> str:
+    """What to do about a name that is none of `known`: to write the nearest; `otherwise` where none is near.
+
+    >>> nearest("paylod", ["backlash", "payload"], "see `dynreg effects`")
+    "write 'payload', which is nearest to it"
+    >>> nearest("xyz", ["backlash", "payload"], "see `dynreg effects`")
+    'see `dynreg effects`'
+    """
+    near = difflib.get_close_matches(given, list(known), n=1)
+    return f"write {near[0]!r}, which is nearest to it" if near else otherwise
+
+
 def quoted(names: Iterable[str]) -> str:
     """Names in a sentence, as somebody would write them.
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from dynreg.folder import expanded
 from dynreg.progress import Progress
+from dynreg.verbs.arguments import every_method, fitting
 from dynreg.verbs.calibrate import CalibrateSettings, calibrate, require_door
 from dynreg.verbs.compare import CompareSettings, compare
 from dynreg.verbs.diagnose import DiagnoseSettings, diagnose, faster
@@ -72,6 +73,7 @@ def place(path: str | Path | None) -> Path:
     return expanded(path or os.environ.get("DYNREG_REGISTRY") or DEFAULT)
 
 
+@fitting
 def open(path: str | Path | None = None, *, create: bool = True) -> "Session":
     """Open the registry at `path`, by default that of `place`; make it where it is new.
 
@@ -82,6 +84,7 @@ def open(path: str | Path | None = None, *, create: bool = True) -> "Session":
     return Session(Registry.open(place(path), create=create))
 
 
+@fitting
 def share(path: str | Path | None = None, *, catalog: str, blobs: str, rebuild: bool = False) -> "Session":
     """Open the shared registry at these addresses, with its local folder at `path` (by default that of `open`).
 
@@ -105,6 +108,7 @@ def rows() -> dict[str, Verb]:
     return {name: method.verb for name, method in vars(Session).items() if hasattr(method, "verb")}
 
 
+@every_method
 class Session:
     """An open registry; `with dynreg.open(path) as reg: ...`. A block that fails leaves no new, empty one behind.
 
@@ -316,21 +320,22 @@ class Session:
         """
         from dynreg.verbs.subjects import loaded_robot
 
-        return excite(loaded_robot(robot), ExciteSettings(tuple(between), **told), progress=progress)
+        return excite(loaded_robot(robot), ExciteSettings(between, **told), progress=progress)
 
     @staticmethod
     def excite_legs(
         robot: "str | Path | Robot",
         legs: Sequence[str] = ("all",),
         *,
-        folder: "str | Path",
+        folder: str | Path,
+        seconds: float | None = None,
+        seed: int = 0,
         progress: Progress | None = None,
-        **told: Any,
     ) -> "LegProtocol":
         """Commands with which legs hang free in turn and reverse, and what the operator does, as a new folder.
 
         legs : of the robot, such as "fl", or all. folder : gets a file of commands for each leg, the robot on its stand
-        in `robot/`, and the operator's note. told : `seconds` of each leg, `seed`. Raises UsageError for a leg that the
+        in `robot/`, and the operator's note. seconds : of each leg, 25 by default. Raises UsageError for a leg that the
         robot has not, and where the folder cannot be written.
         """
         from dynreg.verbs.protocol import write_protocol
@@ -338,7 +343,7 @@ class Session:
         from dynreg.verbs.written import require_new
 
         require_new(Path(folder))
-        settings = ExciteSettings(legs=tuple(legs), **told)
+        settings = ExciteSettings(legs=legs, seconds=seconds, seed=seed)
         made, protocol = excite_legs(loaded_robot(robot), settings, progress=progress)
         return write_protocol(made, protocol, Path(folder))
 
@@ -378,7 +383,7 @@ class Session:
 
         return population_frame(self.registry, ref)
 
-    def dataset(self, refs: "str | Sequence[str]") -> "Dataset":
+    def dataset(self, refs: str | Sequence[str]) -> "Dataset":
         """The transitions of entries, populations and recordings of one robot, streamed; see `datasets.Dataset`.
 
         `.to_numpy()`, `.to_arrow()`, `.to_frame()` and `.to_torch()` give them, with names and units in `.columns`.
@@ -387,7 +392,7 @@ class Session:
 
         return dataset(self.registry, [refs] if isinstance(refs, str) else refs)
 
-    def model(self, refs: "str | Sequence[str]") -> "DynamicsModel":
+    def model(self, refs: str | Sequence[str]) -> "DynamicsModel":
         """The trained models of entries or of a population: `.predict(states, actions)` in numpy, `.torch()` a module.
 
         One id gives one model; several ids, or a population's, are predicted with at once. See `models.dynamics`.
@@ -408,7 +413,7 @@ class Session:
 
         return entry_distance(self.registry, a, b)
 
-    def remove(self, refs: "str | Sequence[str]", *, dry_run: bool = False) -> "Removal":
+    def remove(self, refs: str | Sequence[str], *, dry_run: bool = False) -> "Removal":
         """Remove things by id, prefix or name, with what cannot be used without them; see `verbs.remove`.
 
         dry_run : say what would go, and change nothing.
@@ -429,13 +434,13 @@ class Session:
 
         return verification(self.registry.path, repair)
 
-    def export(self, refs: "Sequence[str]", destination: str | Path) -> "Listing":
+    def export(self, refs: str | Sequence[str], destination: str | Path) -> "Listing":
         """Copy entries, populations, recordings or results, with all they need, to a new registry."""
         from dynreg.registry import Registry, export
         from dynreg.verbs.list import listing
         from dynreg.verbs.simulators import told_last
 
-        named = [refs] if isinstance(refs, str) else [str(ref) for ref in refs]
+        named = [refs] if isinstance(refs, str) else refs
         export(self.registry, [told_last(self.registry, ref) for ref in named], destination)
         with Registry.open(destination) as copy:
             return listing(copy, None)
@@ -452,7 +457,7 @@ class Session:
         return import_registry(self.registry, Path(source), progress)
 
     def export_dataset(
-        self, refs: "str | Sequence[str]", destination: str | Path, form: str, licence: str | None = None
+        self, refs: str | Sequence[str], destination: str | Path, form: str, licence: str | None = None
     ) -> "DatasetExport":
         """Write entries, populations and recordings of one robot in another project's format, with a dataset card.
 
@@ -463,7 +468,7 @@ class Session:
         """
         from dynreg.verbs.export_dataset import export_dataset
 
-        named = [refs] if isinstance(refs, str) else [str(ref) for ref in refs]
+        named = [refs] if isinstance(refs, str) else refs
         return export_dataset(self.registry, named, Path(destination), form, licence)
 
     def export_robot(self, ref: str, destination: str | Path) -> "RobotFolder":

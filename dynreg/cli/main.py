@@ -248,8 +248,9 @@ def _given(error: Exception, arguments: Sequence[str]) -> tuple[str, ...]:
         for here, following in zip(arguments, (*arguments[1:], ""), strict=True):
             if here == option and following:
                 return option, repr(following)
-            if here.startswith(f"{option}="):
-                return option, repr(here.removeprefix(f"{option}="))
+            attached = f"{option}=" if option.startswith("--") else option  # --count=9, but -n9
+            if here.startswith(attached) and here != option:
+                return option, repr(here.removeprefix(attached))
     return ()
 
 

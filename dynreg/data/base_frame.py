@@ -27,10 +27,10 @@ def check_frame(episode: RawEpisode, where: str) -> Iterator[Finding]:
         if own > SEEN * speed and world < HALF * own:
             text = (
                 f"go along with the ways in the world ({world:.2g} m/s off) and not with those ahead and to the left "
-                f"({own:.2g} m/s off): they are in the world's frame, as motion capture tells them; take them from a "
-                "topic in the base's frame, such as Odometry, or leave both out of the map"
+                f"({own:.2g} m/s off): they are in the world's frame, as motion capture tells them"
             )
-            yield Finding("warning", "frame", f"{where}, {owner}/vx and {owner}/vy", text)
+            do = "take them from a topic in the base's frame, such as Odometry, or leave both out of the map"
+            yield Finding("warning", "frame", f"{where}, {owner}/vx and {owner}/vy", text, do)
 
 
 def _known(series: Series) -> Series:

@@ -94,7 +94,7 @@ def _refuse(files: Sequence[Path], episodes: Sequence[RawEpisode], findings: Seq
     if blocking:
         more = f" (and {len(blocking) - 1} more)" if len(blocking) > 1 else ""
         raise CheckError(
-            f"{blocking[0].where}: {blocking[0].message}{more}",
+            f"{blocking[0].where}: {blocking[0].told}{more}",
             expected="a log that passes the checks",
             do="run `dynreg doctor` on it to see everything that was found",
         )
@@ -149,15 +149,14 @@ def doctor(
         try:
             episodes, findings, _ = _mapped(files, spec, log_map)
         except DynregError as error:
-            return (_finding(error, files),)
+            return (_unread(error, files),)
         spans = []
         for episode in episodes if not errors(findings) else ():
             try:
                 spans.append(_Placed(episode, *resample(episode, spec)).span)
                 findings += check_span(episode, spec)
             except LogError as error:
-                where = f"{episode.file}, episode {episode.name}"
-                findings.append(Finding("error", "span", where, str(error)))
+                findings.append(_finding(error, "span", f"{episode.file}, episode {episode.name}"))
         return (*findings, *order_of(spans))
     found, spans = [], []
     for number, path in enumerate(files):
@@ -192,7 +191,7 @@ def examine(path: str | Path, log_map: LogMap | None = None) -> tuple[RawLog | N
     try:
         log = read_log(path, _options(log_map)).stamped()
     except DynregError as error:
-        return None, (_finding(error, [path]),)
+        return None, (_unread(error, [path]),)
     signals = signals_of(log)
     findings = [*log.findings, *shared(log, signals)]
     for part in episodes_of(log):
@@ -238,10 +237,9 @@ def _episodes(log: RawLog, log_map: LogMap, spec: RecordingSpec, several: bool) 
         return raw_episodes(log, log_map, spec)
     except LogError as error:
         read = [log.sources[name] for name in log_map.sources if name in log.sources]
-        problem, _, do = coarse(read).partition("; ")
-        if problem:
+        if rounded := coarse(read):
             raise LogError(
-                f"{log.path.name}: {problem}", expected="stamps that tell rows apart", do=do
+                f"{log.path.name}: {rounded.said}", expected="stamps that tell rows apart", do=rounded.do
             ) from error
         if several and log.path.name not in error.problem:
             raise LogError(
@@ -295,11 +293,15 @@ def _groups(files: Sequence[Path], suffixes: Mapping[str, str]) -> dict[str, dic
     return groups
 
 
-def _finding(error: DynregError, files: Sequence[Path]) -> Finding:
-    check = "map" if isinstance(error, MapError) else "log"
+def _unread(error: DynregError, files: Sequence[Path]) -> Finding:
+    """What is said of logs that cannot be read or mapped."""
     names = [path.name for path in files] or [""]
     where = next((name for name in names if error.problem.startswith(f"{name}:")), names[0])
-    return Finding("error", check, where, str(error))
+    return _finding(error, "map" if isinstance(error, MapError) else "log", where)
+
+
+def _finding(error: DynregError, check: str, where: str) -> Finding:
+    return Finding("error", check, where, f"{error.problem}; expected {error.expected}", error.do)
 
 
 def _options(log_map: LogMap | None) -> ReadOptions:

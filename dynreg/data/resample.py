@@ -112,11 +112,11 @@ def _held_long(episode: RawEpisode, spec: RecordingSpec, end: float, much: float
         series = clean(episode.channels.get(channel.name, Series(np.empty(0), np.empty(0))))
         if channel.kind == "action" and len(series) and end - series.time[-1] > much:
             last = float(series.time[-1])
-            text = (
-                f"the last command comes at {last:.3f} s and is taken to hold for {end - last:.3g} s; cut the log "
-                "there where the robot stopped listening"
+            text = f"the last command comes at {last:.3f} s and is taken to hold for {end - last:.3g} s"
+            where = f"{episode.file}, episode {episode.name}, {channel.name}"
+            yield Finding(
+                "warning", "span", where, text, "cut the log there where the robot stopped listening"
             )
-            yield Finding("warning", "span", f"{episode.file}, episode {episode.name}, {channel.name}", text)
 
 
 def _cleaned(episode: RawEpisode) -> dict[str, Series]:

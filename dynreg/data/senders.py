@@ -38,9 +38,9 @@ def shared(log: RawLog, signals: Sequence[Offer]) -> Iterator[Finding]:
         if len(senders) > 1:
             text = (
                 f"the stamps of this topic run back {back} times, for {len(senders)} senders share it, each with its "
-                f"own stamps: {' and '.join(map(_listed, senders.values()))}; in a map, name the items"
+                f"own stamps: {' and '.join(map(_listed, senders.values()))}"
             )
-            yield Finding("info", "clock", f"{log.path.name}, {topic}", text)
+            yield Finding("info", "clock", f"{log.path.name}, {topic}", text, "in a map, name the items")
 
 
 def _named(offer: Offer) -> bool:

@@ -19,16 +19,27 @@ class Finding:
     severity : "error" blocks ingestion, "warning" goes to the provenance, "info" is only told.
     check : stable name of the check ("clock", "gap", "units", ...).
     where : file, channel and time or row.
-    message : what was seen and what to do, one line.
+    message : what was seen, one line. do : what to do about it; "" where there is nothing. Recordings that were stored
+        before it had a place of its own have it at the end of the message.
     """
 
     severity: Literal["error", "warning", "info"]
     check: str
     where: str
     message: str
+    do: str = ""
+
+    @property
+    def told(self) -> str:
+        """What was seen and what to do, in one line.
+
+        >>> Finding("warning", "wrap", "run.csv, arm", "jumps by a whole turn once", "set unwrap = true").told
+        'jumps by a whole turn once; set unwrap = true'
+        """
+        return f"{self.message}; {self.do}" if self.do else self.message
 
     def __str__(self) -> str:
-        return f"{self.severity} [{self.check}] {self.where}: {self.message}"
+        return f"{self.severity} [{self.check}] {self.where}: {self.told}"
 
 
 def once(findings: Iterable[Finding]) -> tuple[Finding, ...]:
@@ -39,10 +50,10 @@ def once(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     >>> [one.where for one in once(Finding("info", "gap", where, "long") for where in "ab")]
     ['a and 1 place more']
     """
-    places: dict[tuple[str, str, str], list[str]] = {}
+    places: dict[Finding, list[str]] = {}
     for f in findings:
-        places.setdefault((f.severity, f.check, f.message), []).append(f.where)
-    return tuple(Finding(k[0], k[1], where[0] + _more(len(where) - 1), k[2]) for k, where in places.items())
+        places.setdefault(replace(f, where=""), []).append(f.where)
+    return tuple(replace(f, where=where[0] + _more(len(where) - 1)) for f, where in places.items())
 
 
 def _more(places: int) -> str:

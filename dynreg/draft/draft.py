@@ -147,7 +147,8 @@ def _heard(
     require_clocks(every, log)
     if rounded := coarse(every.series.values()):
         notes.add(
-            f"{rounded}, and draft again with another --to: control_rate and noise are those of the stamps as they are"
+            f"{rounded.said}; {rounded.do}, and draft again with another --to: control_rate and noise are those of the "
+            "stamps as they are"
         )
     missing = [name for name in said if name not in told.series]
     say_no_command(drafted, missing, [*measured], notes)

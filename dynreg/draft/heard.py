@@ -151,11 +151,11 @@ def require_clocks(told: Heard, log: RawLog) -> None:
     another unit than is known.
     """
     for found in errors(check_clocks(told.series, log.path.name, None)):
-        problem, _, do = found.message.partition("; ")
+        do = found.do
         if not do or "[episodes]" in do:  # no map is read here
             do = "mend it, or split the log there"
         raise LogError(
-            f"{found.where}: {problem}",
+            f"{found.where}: {found.message}",
             expected="a clock that runs on",
             do=f"{do}, or draft without --log: `dynreg doctor LOG --robot FOLDER --draft-map MAP` then writes a map",
         )

@@ -7,33 +7,37 @@ from rich.console import Group, RenderableType
 from dynreg.data.series import Finding, once
 from dynreg.errors import LogError
 from dynreg.report.grid import table
-from dynreg.report.words import first_of, number
+from dynreg.report.words import number
 from dynreg.results.doctor import LogContents, LogFindings
 
-ADVISES = frozenset(  # how the last clause of a finding begins where it says what to do
-    "add call check correct draft export leave mend name record rename resample set split store take write".split()
-)
 SHOWN = 3  # names of signals in one cell
 
 
 def tables(result: LogFindings) -> RenderableType:
     """What the logs hold, what was found in them, and what a drafted map lacks."""
     parts = [_contents(result.contents)] if result.contents else []
-    parts.append(_findings(result))
+    parts += _findings(result)
     if result.drafted is not None:
         parts.append(_drafted(result))
     return Group(*parts)
 
 
-def _findings(result: LogFindings) -> RenderableType:
+def _findings(result: LogFindings) -> list[RenderableType]:
     """What is found alike in several episodes or files is one row: the first place, and how many more."""
     if not result.findings:
-        return "nothing wrong was found: the logs can be ingested"
-    rows = [
-        (f.severity, f.check, f.where, f.message)
-        for f in once(Finding(f.severity, f.check, f.where, f.message) for f in result.findings)
-    ]
-    return table(("severity", "check", "where", "finding"), rows)
+        return ["nothing wrong was found: the logs can be ingested"]
+    first = _errors(result)[:1]  # `refusal` tells it
+    rows = [(f.severity, f.check, f.where, f.told) for f in _once(result) if f not in first]
+    return [table(("severity", "check", "where", "finding"), rows)] if rows else []
+
+
+def _once(result: LogFindings) -> tuple[Finding, ...]:
+    """What was found, once what is alike."""
+    return once(Finding(**vars(f)) for f in result.findings)
+
+
+def _errors(result: LogFindings) -> list[Finding]:
+    return [f for f in _once(result) if f.severity == "error"]
 
 
 def _contents(contents: tuple[LogContents, ...]) -> RenderableType:
@@ -79,14 +83,11 @@ def refusal(result: LogFindings) -> LogError | None:
     """The error of logs that cannot be ingested, with the map that was drafted where there is one."""
     if result.usable:
         return None
-    wrong = [f for f in result.findings if f.severity == "error"]
-    problem, expected, do = first_of([f.message for f in wrong])
-    found, _, advice = wrong[0].message.rpartition("; ")
-    if not expected and found and advice.split()[0] in ADVISES:  # it says itself what to do
-        problem, do = problem.replace(wrong[0].message, found), advice
-    where = wrong[0].where
+    first, *others = _errors(result)
+    problem, _, expected = first.message.partition("; expected ")  # so end the words of an error
+    more = f" (and {len(others)} more)" if others else ""
     return LogError(
-        problem if where.split(",")[0] in problem else f"{where}: {problem}",
+        (problem if first.where.split(",")[0] in problem else f"{first.where}: {problem}") + more,
         expected=expected or "a log that passes the checks",
-        do=do or "mend the log or its map",
+        do=first.do or "mend the log or its map",
     )

@@ -8,12 +8,13 @@ from dynreg.results.result import Result
 
 
 class LogFinding(Result):
-    """One finding of a check on a log."""
+    """One finding of a check on a log. do : what to do about it; "" where there is nothing."""
 
     severity: Literal["error", "warning", "info"]
     check: str
     where: str
     message: str
+    do: str = ""
 
 
 class LogContents(Result):

@@ -1,6 +1,6 @@
 """Robots as folders: an MJCF model and a robot.toml."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import resources
@@ -11,7 +11,7 @@ import numpy as np
 from dynreg.data.names import joint_of
 from dynreg.data.recording import Recording
 from dynreg.data.schema import ChannelSpec, RecordingSpec
-from dynreg.errors import LogError, RobotError, UsageError, one_of, quoted
+from dynreg.errors import LISTED, LogError, RobotError, UsageError, nearest, one_of, quoted
 from dynreg.folder import TOML, Folder, expanded, read_folder
 from dynreg.sim.base import base_joint
 from dynreg.sim.closed import check_closed
@@ -273,12 +273,21 @@ def robot_files(ref: str | Path) -> tuple[Folder, Path]:
     packaged = packaged_robots()
     folder = packaged.get(str(ref)) or expanded(ref)
     if not (folder / TOML).is_file():
+        here = _folders_here(packaged)
+        such = f" (here: {quoted(here[:LISTED])})" if here else ""
+        near = [*here, *(name for name in packaged if f"./{name}" not in here)]
         raise RobotError(
             f"no robot {str(ref)!r}",
-            expected=f"{one_of(packaged, ref)}, or a folder with robot.toml and its MJCF model",
-            do="see `dynreg robots`",
+            expected=f"{one_of(packaged, ref)}, or a folder with robot.toml and its MJCF model{such}",
+            do=nearest(folder.name, near, "see `dynreg robots`"),
         )
     return read_folder(folder, links=folder in packaged.values()), folder.resolve()
+
+
+def _folders_here(packaged: Collection[str]) -> list[str]:
+    """The robot folders in the working folder, as they are named: with "./" where a packaged robot has the name."""
+    names = sorted(toml.parent.name for toml in Path().glob(f"*/{TOML}"))
+    return [f"./{name}" if name in packaged else name for name in names]
 
 
 def hidden_by_name(ref: str | Path) -> list[str]:

@@ -83,9 +83,9 @@ def _tell_longer(robot: "Robot", asked: float | None) -> None:
     own = robot.file.replay.horizon
     if own is not None and asked is not None and asked > own:
         warnings.warn(
-            f"--horizon {asked:g} makes rollouts up to {asked / own:.2g} times as long as `[replay] horizon` in the "
-            f"robot.toml of {robot.name!r} ({own:g} s), beyond which they may drift apart. Without --horizon they have "
-            "that length",
+            f"a horizon of {asked:g} s makes rollouts up to {asked / own:.2g} times as long as `[replay] horizon` in "
+            f"the robot.toml of {robot.name!r} ({own:g} s), beyond which they may drift apart. Leave the horizon out, "
+            "and they have that length",
             Assumed,
             2,
         )

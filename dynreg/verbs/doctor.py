@@ -57,8 +57,8 @@ def _taken(drafted: Draft) -> Iterator[Finding]:
     """What is said where a drafted map says another unit of the clock than the log does."""
     counting = drafted.log.counting
     if counting is not None and counting.told == "steps":
-        text = f'the drafted map says time_unit = "{counting.unit}", by the steps of {counting.column!r}: check it'
-        yield Finding("info", "clock", drafted.log.path.name, text)
+        text = f'the drafted map says time_unit = "{counting.unit}", by the steps of {counting.column!r}'
+        yield Finding("info", "clock", drafted.log.path.name, text, "check it")
 
 
 def _by_own_map(logs: Sequence[Path], robot: Robot, found: tuple[Finding, ...]) -> tuple[Finding, ...]:
@@ -105,7 +105,7 @@ def _looked(
                 drafted = draft_map(log, robot.recording_spec if robot else None)
     if draft is not None and drafted is None:
         raise LogError(
-            f"no map can be drafted: {found[0].message}", expected="a log that can be read", do="mend the log"
+            f"no map can be drafted: {found[0].told}", expected="a log that can be read", do="mend the log"
         )
     return (*found, *order_of(spans)), tuple(held), drafted
 

@@ -140,5 +140,5 @@ def recording_summary(identity: str, recording: Recording, robot: str, name: str
         channels=recording.names,
         settings=tuple(sorted({k for e in recording.episodes for k in e.settings})),
         gait=recording.provenance.get("gait"),
-        findings=tuple(f"{f.severity}: {f.where}: {f.message}" for f in found_in(recording)),
+        findings=tuple(f"{f.severity}: {f.where}: {f.told}" for f in found_in(recording)),
     )

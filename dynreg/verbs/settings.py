@@ -9,27 +9,20 @@ Traceback (most recent call last):
 dynreg.errors.UsageError: seed -1; expected a whole number of 0 or more; give another number
 """
 
-import difflib
-import functools
 import inspect
 import re
 import warnings
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
 from math import isfinite
-from numbers import Real
-from operator import index
-from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any
 
 from dynreg.errors import OldWord, UsageError
 from dynreg.executor import LOCAL, NAMES
 from dynreg.search.table import FORMER, SEARCHES
+from dynreg.verbs.arguments import Wrapped, fitting, typed
 
-Wrapped = TypeVar("Wrapped", bound=Callable[..., Any])
 _OPTION = "option"
-_KINDS = {int: "a whole number", float: "a number", bool: "True or False", str: "a word"}
 
 
 @dataclass(frozen=True)
@@ -179,23 +172,17 @@ def hold_out(usual: str = "a fifth of the episodes; of one run, pieces of it") -
 class Settings:
     """Base of what a verb can be told: frozen, and checked when it is made.
 
-    A sequence becomes a tuple, an old word what it is called now, a number of numpy one of Python, text that names a
-    file its path, and a number where a word is asked for its digits. A verb with rules between its settings extends
-    `__post_init__`.
+    Values become what their types ask (`arguments.typed`), an old word what it is called now. A verb with rules between
+    its settings extends `__post_init__`.
     """
 
     def __post_init__(self) -> None:
         for one, how in options(type(self)):
-            value = getattr(self, one.name)
-            if value is None and not optional(one):
-                usual = "name one" if one.default is MISSING else f"leave it out for {one.default!r}"
-                expected = _KINDS.get(one.type, "names")
-                raise UsageError(f"{one.name} None", expected=expected, do=usual, setting=one.name)
-            if isinstance(value, Iterable) and not isinstance(value, str):
+            value = typed(one.name, one.type, getattr(self, one.name), one.default)
+            if isinstance(value, tuple):
                 value = tuple(today(each, how.old) for each in value)
             elif isinstance(value, str):
                 value = today(value, how.old)
-            value = typed(one, value)
             object.__setattr__(self, one.name, value)
             how.check(one.name, value)
 
@@ -215,37 +202,6 @@ class Settings:
                 flag, *shown = how.words(one.name, value)
                 problem = f"{' '.join((flag, *shown))} has no meaning {where}"
                 raise UsageError(problem, expected=expected, do=f"leave {flag} out")
-
-
-def typed(one: Field, value: Any) -> Any:
-    """A setting's value as its type; UsageError for a number or a flag that is none."""
-    kinds = get_args(one.type) or (one.type,)
-    if Path in kinds and isinstance(value, str):
-        return Path(value)
-    if str in kinds and isinstance(value, Real) and not isinstance(value, bool):
-        return f"{value:g}"
-    kind = next((k for k in _MADE if k in kinds), None)
-    if value is None or kind is None or isinstance(value, str) and str in kinds:
-        return value
-    if kind is bool or not isinstance(value, bool):
-        with suppress(TypeError):
-            return _MADE[kind](value)
-    raise UsageError(f"{one.name} {value!r}", expected=_KINDS[kind], do="give one", setting=one.name)
-
-
-def _flag(value: Any) -> bool:
-    if type(value).__name__ not in ("bool", "bool_"):  # numpy's too, without the import
-        raise TypeError
-    return bool(value)
-
-
-def _number(value: Any) -> float:
-    if not isinstance(value, Real):
-        raise TypeError
-    return float(value)
-
-
-_MADE: Mapping[type, Callable[[Any], Any]] = {bool: _flag, int: index, float: _number}
 
 
 def today(word: str, old: Mapping[str, str]) -> str:
@@ -271,15 +227,10 @@ def flags(settings: Settings, without: Collection[str] = ()) -> list[str]:
     return out
 
 
-def optional(one: Field) -> bool:
-    """Whether a setting may be None."""
-    return type(None) in get_args(one.type)
-
-
 def taking(kind: type[Settings]) -> Callable[[Wrapped], Wrapped]:
     """Decorator of a method with `**settings`: its signature and its help name those of `kind`, one by one.
 
-    Those that the method names itself stay as they are. An argument with another name is a UsageError.
+    Those that the method names itself stay as they are. The method is `fitting`.
     """
 
     def wrap(method: Wrapped) -> Wrapped:
@@ -303,26 +254,9 @@ def taking(kind: type[Settings]) -> Callable[[Wrapped], Wrapped]:
         ]
         method.__doc__ = _in_python("\n".join([inspect.cleandoc(method.__doc__ or ""), "", *lines]), kind)
 
-        @functools.wraps(method)
-        def run(*given: Any, **told: Any) -> Any:
-            known = [name for name in method.__signature__.parameters if name != "self"]
-            for name in told:
-                if name not in known:
-                    raise _unknown(method.__name__, name, known)
-            return method(*given, **told)
-
-        return run
+        return fitting(method)
 
     return wrap
-
-
-def _unknown(method: str, name: str, known: Sequence[str]) -> UsageError:
-    near = difflib.get_close_matches(name, known, n=1)
-    return UsageError(
-        f"{method} has no argument {name!r}",
-        expected=f"one of {', '.join(known)}",
-        do=f"write {near[0]!r}, which is nearest to it" if near else "leave it out",
-    )
 
 
 def _in_python(text: str, kind: type[Settings]) -> str:

@@ -237,7 +237,7 @@ def _tell_found(recording: "Recording") -> None:
     """Warn of what the checks found in a log, as `ingest` tells it."""
     for one in found_in(recording):
         if one.severity == "warning":
-            warnings.warn(f"{one.where}: {one.message}", Assumed, 3)
+            warnings.warn(f"{one.where}: {one.told}", Assumed, 3)
 
 
 def found_in(recording: "Recording") -> "tuple[Finding, ...]":

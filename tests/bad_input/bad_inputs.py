@@ -306,6 +306,13 @@ MAPS = [
 
 ROBOTS = [
     Bad("no such robot", "populate robbie -n 4", "'robbie'"),
+    Bad(
+        "nearly the name of a robot folder here",
+        "populate rover -n 4",
+        "(here: 'my_rover'); write 'my_rover', which is nearest to it",
+        files={"my_rover/robot.toml": ""},
+    ),
+    Bad("nearly a packaged name", "populate servo_pendulm -n 4", "write 'servo_pendulum', which is nearest"),
     Bad("no such folder", "robots check {tmp}/none", "none"),
     Bad("a folder without robot.toml", CHECK, "robot", files={"robot/model.xml": "<mujoco/>"}),
     Bad("a robot.toml that is not TOML", CHECK, "robot.toml", robot=(("[robot]", "[robot"),)),
@@ -440,6 +447,9 @@ ARGUMENTS = [
     Bad("how many simulators: nothing", "populate servo_pendulum", "-n", 2),
     Bad("half a simulator", "populate servo_pendulum -n 2.5", "-n '2.5'; expected a whole number", 2),
     Bad("a power of ten", "populate servo_pendulum -n 1e3", "-n '1e3'; expected a whole number", 2),
+    Bad(
+        "a short option with its value attached", "populate servo_pendulum -nx", "-n 'x'; expected a whole", 2
+    ),
     Bad("a budget that is no number", "query bench --budget=x", "--budget 'x'; expected a whole number", 2),
     Bad(
         "a goal that is no number", "calibrate leg --method btr --goal x", "--goal 'x'; expected a number", 2

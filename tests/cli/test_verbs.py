@@ -349,14 +349,15 @@ def test_doctor_says_a_thing_once(dynreg, tmp_path: Path) -> None:
     log = tmp_path / "run.csv"
     log.write_text(tiny_registry.bench_csv(lambda i, row: [row[0], 40.0 + i % 3, *row[2:]]), encoding="utf-8")
     ended = dynreg("doctor", log, "--robot", "servo_pendulum")
-    assert ended.status == 1 and ended.out.count("degrees?") == 1
-    head, *rows = ended.out.strip("\n").splitlines()
-    places = [row[head.index("where") : head.index("finding")].strip() for row in rows]
-    assert "and 4 places more" in " ".join(places)
+    assert ended.status == 1 and (ended.out + ended.err).count("degrees?") == 1
+    assert ended.err.startswith("error: run.csv, episode e0, arm/position and 4 places more: reaches ")
+    assert ended.err.endswith("; set `unit`\n") and not ended.out.strip()
+    ended = dynreg("doctor", tmp_path / "none.csv", log, "--robot", "servo_pendulum")
+    assert ended.status == 1 and (ended.out + ended.err).count("there is no log") == 1
     document = json.loads(dynreg("doctor", log, "--robot", "servo_pendulum", "--json").out)
     assert sum("degrees?" in f["message"] for f in document["findings"]) == 5
     ended = dynreg("doctor", tmp_path / "none.csv")
-    assert "LogError" not in ended.out
+    assert ended.status == 1 and not ended.out.strip()
     assert (
         ended.err
         == f"error: there is no log '{tmp_path}/none.csv'; expected an existing file; check the path\n"

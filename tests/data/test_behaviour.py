@@ -65,21 +65,17 @@ def test_a_joint_that_chatters(legs: Columns, told: Callable):
     legs["effort_knee"] = 8.0 * swings
     (found,) = told(legs)
     assert found.check == "chatter" and found.where == "log.csv, knee"
-    assert (
-        "at about half the sampling rate in 100 % of the log (at 50 Hz of 100 Hz, amplitude" in found.message
-    )
-    assert (
-        "lower kd, or log faster; to use the log as it is, leave it out: weight = 0 of its" in found.message
-    )
-    assert found.message.endswith("channels in robot.toml, or --joints with the others")
+    assert "at about half the sampling rate in 100 % of the log (at 50 Hz of 100 Hz, amplitude" in found.told
+    assert "lower kd, or log faster; to use the log as it is, leave it out: weight = 0 of its" in found.told
+    assert found.told.endswith("channels in robot.toml, or --joints with the others")
 
 
 def test_joints_that_are_alike_are_one_finding(legs: Columns, told: Callable):
     for joint in JOINTS:
         legs[f"vel_{joint}"] += 2.0 * np.where(np.arange(len(TIME)) % 2, 1.0, -1.0)
     (found,) = told(legs)
-    assert found.where == "log.csv, all 3 joints" and found.message.startswith("oscillate at about")
-    assert "leave them out: weight = 0 of their channels" in found.message
+    assert found.where == "log.csv, all 3 joints" and found.told.startswith("oscillate at about")
+    assert "leave them out: weight = 0 of their channels" in found.told
 
 
 def test_an_oscillation_of_which_each_row_shows_the_same_phase(legs: Columns, told: Callable):
@@ -87,8 +83,8 @@ def test_an_oscillation_of_which_each_row_shows_the_same_phase(legs: Columns, to
     (found,) = told(legs)
     assert (
         found.check == "chatter"
-        and "the log is aliased" in found.message
-        and "has a velocity of 3" in found.message
+        and "the log is aliased" in found.told
+        and "has a velocity of 3" in found.told
     )
 
 
@@ -97,8 +93,8 @@ def test_a_velocity_that_nobody_measured(legs: Columns, told: Callable):
     legs["vel_knee"] = np.zeros(len(TIME))
     (found,) = told(legs)
     assert (found.check, found.where) == ("velocity", "log.csv, hip and knee")
-    assert found.message.startswith("have a velocity of 0 rad/s in all of the log while the position moves")
-    assert "derivative_of" in found.message
+    assert found.told.startswith("have a velocity of 0 rad/s in all of the log while the position moves")
+    assert "derivative_of" in found.told
 
 
 def test_a_wheel_that_turns_steadily_measures_its_velocity(legs: Columns, told: Callable):
@@ -111,7 +107,7 @@ def test_a_drive_that_gives_all_it_can(legs: Columns, told: Callable):
     legs["effort_hip"] = np.clip(legs["effort_hip"], -0.6, 0.6)
     (found,) = told(legs)
     assert found.check == "saturation" and found.where == "log.csv, hip"
-    assert "at the largest torque, 0.6 N*m, in" in found.message
+    assert "at the largest torque, 0.6 N*m, in" in found.told
 
 
 def test_a_commanded_effort_at_its_limit(legs: Columns, write_table: Callable):
@@ -122,7 +118,7 @@ def test_a_commanded_effort_at_its_limit(legs: Columns, write_table: Callable):
     spec, bang = RecordingSpec("leg", channels, (), 100.0), np.sign(np.sin(3 * TIME))
     columns = {"time": TIME, "hip__position": legs["pos_hip"], "hip__torque": bang}
     (found,) = doctor(write_table(**columns), spec)
-    assert "at the largest commanded torque, 1 N*m, in 100 % of the moving samples" in found.message
+    assert "at the largest commanded torque, 1 N*m, in 100 % of the moving samples" in found.told
     wide = replace(channels[1], low=-2.0, high=2.0)
     assert not doctor(write_table(**columns), replace(spec, channels=(channels[0], wide)))
 
@@ -131,9 +127,7 @@ def test_a_joint_at_its_stop(legs: Columns, told: Callable):
     legs["pos_knee"] = np.minimum(legs["pos_knee"], 0.1)
     legs["vel_knee"] = np.gradient(legs["pos_knee"], TIME)
     (found,) = told(legs)
-    assert (
-        found.check == "stop" and found.where == "log.csv, knee" and "stands at 0.1 rad in" in found.message
-    )
+    assert found.check == "stop" and found.where == "log.csv, knee" and "stands at 0.1 rad in" in found.told
 
 
 def bouncing(low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
@@ -160,8 +154,8 @@ def bouncing(low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
 def test_a_joint_that_bounces_on_its_stops(told: Callable, low: float, high: float, says: str):
     target, place = bouncing(low, high)
     (found,) = told({"time": TIME, "cmd_knee": target, "pos_knee": place})
-    assert found.check == "stop" and says in found.message
-    assert ("and at -0.05" in found.message) == ("on both sides" in found.message) == (low > -1 and high < 1)
+    assert found.check == "stop" and says in found.told
+    assert ("and at -0.05" in found.told) == ("on both sides" in found.told) == (low > -1 and high < 1)
 
 
 def test_a_motion_that_its_target_only_scales_or_does_not_reach_is_no_stop(told: Callable):
@@ -178,7 +172,7 @@ def test_a_motion_that_its_target_only_scales_or_does_not_reach_is_no_stop(told:
 def test_joints_whose_targets_are_swapped(legs: Columns, told: Callable):
     legs["cmd_hip"], legs["cmd_ankle"] = legs["cmd_ankle"], legs["cmd_hip"]
     (found,) = told(legs)
-    assert found.check == "target" and "(hip that of ankle, ankle that of hip)" in found.message
+    assert found.check == "target" and "(hip that of ankle, ankle that of hip)" in found.told
 
 
 @pytest.mark.parametrize(
@@ -198,7 +192,7 @@ def test_what_is_wrong_between_a_joint_and_its_target(
     if name == "pos_knee":
         legs["vel_knee"] = np.gradient(legs["pos_knee"], TIME)
     (found,) = told(legs)
-    assert found.check == "target" and found.where == "log.csv, knee" and says in found.message
+    assert found.check == "target" and found.where == "log.csv, knee" and says in found.told
 
 
 def test_the_step_of_a_sensor():

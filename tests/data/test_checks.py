@@ -123,7 +123,7 @@ def test_what_is_no_flag_is_refused(write_table: Callable, swing: Columns, servo
     """A position taken for the flag would switch its drive off in every replay."""
     swing["arm__enabled"] = 0.4 * np.sin(swing["time"])
     (found,) = [f for f in doctor(write_table(**swing), servo_spec) if f.severity == "error"]
-    assert found.check == "units" and "a flag with values other than 0 and 1, such as" in found.message
+    assert found.check == "units" and "a flag with values other than 0 and 1, such as" in found.told
     swing["arm__enabled"] = np.where(swing["time"] < 1.0, np.nan, 1.0)
     assert not [f for f in doctor(write_table(**swing), servo_spec) if f.severity == "error"]
 
@@ -149,13 +149,9 @@ def test_spikes_are_found_where_they_are(write_table: Callable):
     rows = [200, 777, 1500]
     q[rows] += [0.3, -0.2, 0.5]
     (found,) = [f for f in doctor(write_table(time=t, q=q)) if f.check == "spike"]
-    assert (
-        "row 200" in found.where and "3 single-sample spikes (at 2.000 s, 7.770 s, 15.000 s)" in found.message
-    )
-    assert "at 15.000 s;" in found.message
-    assert found.message.endswith(
-        'write outliers = "drop" in the map under the channel that has source = "q"'
-    )
+    assert "row 200" in found.where and "3 single-sample spikes (at 2.000 s, 7.770 s, 15.000 s)" in found.told
+    assert "at 15.000 s;" in found.told
+    assert found.told.endswith('write outliers = "drop" in the map under the channel that has source = "q"')
 
 
 def test_the_cure_for_spikes_names_the_table_of_the_map(
@@ -164,9 +160,9 @@ def test_the_cure_for_spikes_names_the_table_of_the_map(
     """As text to be pasted; with it the spikes are gone."""
     swing["arm__position"][300] += 0.3
     path = write_table(**swing)
-    told = [f["message"] for f in read_recording(path, servo_spec).provenance["findings"]]
-    for message in (*told, *(f.message for f in doctor(path, servo_spec) if f.check == "spike")):
-        cure, header = re.findall(r'write (.*) in the map under (\[channels."arm/position"\])$', message)[0]
+    told = [f["do"] for f in read_recording(path, servo_spec).provenance["findings"]]
+    for do in (*told, *(f.do for f in doctor(path, servo_spec) if f.check == "spike")):
+        cure, header = re.findall(r'write (.*) in the map under (\[channels."arm/position"\])$', do)[0]
     names = ("arm/position", "arm/velocity", "arm/target")
     text = "".join(f'[channels."{name}"]\nsource = "{name}"\n' for name in names)
     cured = parse_map(text.replace(f"{header}\n", f"{header}\n{cure}\n") + "[settings.kp]\nvalue = 1.0\n")
@@ -189,7 +185,7 @@ def test_a_clock_in_another_unit_is_named(write_table: Callable, swing: Columns)
     for unit, factor in (("ms", 1e3), ("us", 1e6), ("ns", 1e9)):
         columns = swing | {"time": np.rint(swing["time"] * factor).astype(int)}
         found = doctor(write_table(**columns))
-        assert any(f'time_unit = "{unit}"' in f.message for f in found), (unit, found)
+        assert any(f'time_unit = "{unit}"' in f.told for f in found), (unit, found)
         assert not any(f.check == "jitter" for f in found)
 
 
@@ -254,10 +250,8 @@ def test_degrees_are_told_by_the_stops_of_the_model(
 ):
     degrees(swing)
     found = doctor(write_table(**swing), stopped(servo_spec))
-    (told,) = [f for f in found if f.check == "units" and "its limit" in f.message]
-    assert (
-        told.severity == "error" and "arm/position" in told.where and "52.1 x its limit; deg" in told.message
-    )
+    (told,) = [f for f in found if f.check == "units" and "its limit" in f.told]
+    assert told.severity == "error" and "arm/position" in told.where and "52.1 x its limit; deg" in told.told
 
 
 def test_targets_in_degrees_are_refused_as_positions_are(
@@ -313,7 +307,7 @@ def test_doctor_without_a_robot(write_table: Callable, swing: Columns, tmp_path:
     checks = {f.check for f in doctor(write_table(**swing))}
     assert checks == {"clock", "nan"}
     (finding,) = doctor(tmp_path / "nothing.mcap")
-    assert (finding.severity, finding.check) == ("error", "log") and "no log" in finding.message
+    assert (finding.severity, finding.check) == ("error", "log") and "no log" in finding.told
 
 
 def test_a_log_given_twice_is_refused(write_table: Callable, swing: Columns, servo_spec: RecordingSpec):
@@ -354,7 +348,7 @@ def test_velocities_of_a_base_in_the_frame_of_the_world_are_told(
     spec = RecordingSpec("walker", channels, (), 50.0)
     t[500] = t[499]  # a stamp that repeats is no reason to look away
     found = [f for f in doctor(write_table(time=t, **columns), spec) if f.check == "frame"]
-    assert [("base/vx and base/vy" in f.where, "the world's frame" in f.message) for f in found] == [
+    assert [("base/vx and base/vy" in f.where, "the world's frame" in f.told) for f in found] == [
         (True, True)
     ] * told
 
@@ -375,7 +369,7 @@ def test_commands_that_control_would_drop_are_told(
     channels = tuple(c for c in servo_spec.channels if c.name in ("arm/position", "arm/target"))
     spec = replace(servo_spec, channels=channels, settings=(), rate=control)
     found = [f for f in doctor(write_table(**commanded_at(np.arange(6 * rows) / rows, every)), spec)]
-    said = [f.message for f in found if "commands come at" in f.message]
+    said = [f.told for f in found if "commands come at" in f.told]
     assert len(said) == (1 if told else 0) and told in "".join(said)
 
 
@@ -388,7 +382,7 @@ def test_commands_with_scattered_stamps_are_not_said_to_be_dropped(
     even, rng = np.arange(600) / 100, np.random.default_rng(0)
     for seconds in (even - np.arange(600) % 2 * 0.009, even + rng.uniform(0, 0.009, 600)):
         found = doctor(write_table(**commanded_at(seconds)), spec)
-        assert not any("commands come at" in f.message for f in found)
+        assert not any("commands come at" in f.told for f in found)
 
 
 def computed(values: np.ndarray, error: float) -> Series:
@@ -402,15 +396,15 @@ def test_rates_that_are_not_known_are_told_and_warned_of_where_they_are_many(los
     values[100 : 100 + lost] = np.nan
     (found,) = check_numbers(computed(values, 0.001), "log.csv, arm/velocity")
     assert (found.severity, found.check) == (severity, "rate")
-    assert f"{lost} of 500 rates are not known" in found.message
-    assert ("log faster" in found.message) == (severity == "warning")
+    assert f"{lost} of 500 rates are not known" in found.told
+    assert ("log faster" in found.told) == (severity == "warning")
 
 
 @pytest.mark.parametrize(("error", "told"), [(0.3, 0), (0.4, 1)])
 def test_rates_are_warned_of_that_are_off_by_half_their_size(error: float, told: int):
     found = list(check_numbers(computed(np.sin(np.arange(500) / 10.0), error), "log.csv, arm/velocity"))
     assert [f.severity for f in found] == ["warning"] * told
-    assert all("its rates of 0.71 (rms) are off by 0.4 (1 sigma)" in f.message for f in found)
+    assert all("its rates of 0.71 (rms) are off by 0.4 (1 sigma)" in f.told for f in found)
 
 
 def test_a_rate_that_was_computed_is_not_compared_with_its_own_position():

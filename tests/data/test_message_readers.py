@@ -182,7 +182,7 @@ def test_a_header_clock_that_is_ahead_is_put_right_or_told(tmp_path: Path, ahead
     if "delay" in said:  # what is advised brings them together
         told -= -0.2
     assert joint - told == pytest.approx(0.0 if said else ahead, abs=1e-6)
-    found = [f.message for f in log.findings if f.check == "clock"]
+    found = [f.told for f in log.findings if f.check == "clock"]
     assert all(said in text for text in found) and bool(found) == bool(said)
 
 
@@ -266,6 +266,6 @@ def test_two_drivers_on_one_topic_have_a_clock_each(late: int, tmp_path: Path):
     found = doctor(tmp_path / "j.mcap")
     (said,) = [f for f in found if f.severity == "info"]
     assert said.check == "clock" and said.where == "j.mcap, /joint_states"
-    assert "2 senders share it" in said.message and "[elbow, wrist] and [gripper]" in said.message
+    assert "2 senders share it" in said.told and "[elbow, wrist] and [gripper]" in said.told
     assert [f.check for f in found if f.severity != "info"] == ["clock"] * late
     assert not any("header" in f.where or "position[0]" in f.where for f in found)

@@ -328,10 +328,10 @@ def test_arrays_without_a_clock_are_left_out_with_their_shape_and_what_to_do(
     by_name = {f.where.split(", ")[1]: f for f in log.findings}
     assert set(log.sources) == {"q"} and set(log.names) == {"q"} | set(by_name)
     assert by_name["kp"].severity == "info" and by_name["cmd_pos"].severity == "warning"
-    assert "shape (80, 3) for 50 time stamps" in by_name["cmd_pos"].message
+    assert "shape (80, 3) for 50 time stamps" in by_name["cmd_pos"].told
     assert (
         "resample it onto 'time', or store its clock beside it, such as cmd_pos_time"
-        in by_name["cmd_pos"].message
+        in by_name["cmd_pos"].told
     )
 
 

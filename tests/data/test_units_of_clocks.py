@@ -27,8 +27,8 @@ def test_fast_milliseconds_without_a_word_are_asked_about(step: int, write_table
     path = write_table(time=ROWS * step, q=np.sin(ROWS / 50))
     (found,) = doctor(path)
     assert (found.severity, found.check) == ("warning", "gap")
-    assert f"usually {step} s" in found.message and 'time_unit = "ms" under [map]' in found.message
-    assert "by = " not in found.message
+    assert f"usually {step} s" in found.told and 'time_unit = "ms" under [map]' in found.told
+    assert "by = " not in found.told
     assert read_recording(path, SPEC).episodes[0].duration == pytest.approx(299 * step)
     patient = parse_map(f'[channels.q]\nsource = "q"\n[episodes]\ngap = {step + 1}\n')
     assert not [f for f in doctor(path, SPEC, patient) if f.check == "gap"]
@@ -36,8 +36,8 @@ def test_fast_milliseconds_without_a_word_are_asked_about(step: int, write_table
 
 def test_a_step_that_two_units_explain_names_both(write_table: Callable):
     (found,) = doctor(write_table(time=ROWS * 100, q=np.sin(ROWS / 50)))
-    assert "milliseconds (10 Hz) or microseconds (10000 Hz)" in found.message
-    assert found.message.endswith('set time_unit = "ms" or "us" under [map]')
+    assert "milliseconds (10 Hz) or microseconds (10000 Hz)" in found.told
+    assert found.told.endswith('set time_unit = "ms" or "us" under [map]')
 
 
 @pytest.mark.parametrize(
@@ -77,8 +77,8 @@ def test_a_name_that_says_a_unit_in_which_no_robot_is_logged_is_doubted(
 ):
     path = write_table(**{name: ROWS * step, "q": np.sin(ROWS / 50)})
     (found,) = doctor(path)
-    assert found.severity == "warning" and f"the name {name!r} says {says}" in found.message
-    assert f"({rate} Hz)" in found.message and f'set time_unit = "{unit}" under [map]' in found.message
+    assert found.severity == "warning" and f"the name {name!r} says {says}" in found.told
+    assert f"({rate} Hz)" in found.told and f'set time_unit = "{unit}" under [map]' in found.told
     log_map = parse_map(f'[map]\ntime_unit = "{unit}"\n[channels.q]\nsource = "q"\n')
     assert not [f for f in doctor(path, SPEC, log_map) if f.check in ("clock", "rate")]
     assert f'time_unit = "{unit}"' in draft_map(read_log(path)).text
@@ -91,14 +91,14 @@ def test_a_name_that_says_a_unit_in_which_a_robot_may_be_logged_is_believed(
     name: str, step: float, write_table: Callable
 ):
     found = doctor(write_table(**{name: ROWS * step, "q": np.sin(ROWS / 50)}))
-    assert not [f for f in found if "time_unit" in f.message or f.check == "clock"], found
+    assert not [f for f in found if "time_unit" in f.told or f.check == "clock"], found
 
 
 def test_a_clock_in_days_is_told_to_be_one(write_table: Callable):
     (found,) = doctor(write_table(time=739_000 + ROWS * 0.01 / 86400, q=np.sin(ROWS / 50)))
-    assert "the clock looks like days; multiply it by 86400" in found.message
+    assert "the clock looks like days; multiply it by 86400" in found.told
     (fast,) = doctor(write_table(time=ROWS * 1e-5, q=np.sin(ROWS / 50)))
-    assert '(100000 Hz): no robot is logged so; set time_unit = "s" under [map] if it is so' in fast.message
+    assert '(100000 Hz): no robot is logged so; set time_unit = "s" under [map] if it is so' in fast.told
 
 
 DRAFTED = {  # steps of a clock that says no unit: the line of its unit in a drafted map
@@ -149,7 +149,7 @@ REPEATED = {  # stamps and values of a log in which stamps repeat: what is said
 def test_stamps_that_repeat_are_told_for_what_they_are(case: str, write_table: Callable):
     time, values, said = REPEATED[case]
     found = [f for f in doctor(write_table(time=time, q=values)) if f.check == "clock"]
-    assert len(found) == 1 and said in found[0].message, found
+    assert len(found) == 1 and said in f"{found[0].told};", found
     assert found[0].severity == ("error" if case in ("seconds", "a stop") else "warning")
 
 

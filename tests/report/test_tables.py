@@ -1,6 +1,7 @@
 """Tables and sentences: narrow, complete, and honest about what is not known."""
 
 import io
+import re
 
 import made_up_comparison
 import made_up_results
@@ -178,16 +179,41 @@ def test_no_number_is_broken_where_names_can_be(width: int) -> None:
     assert {"0.000734", "4.32e-05", "0.00123", "12.3", "rad"} <= {*line.split()}
 
 
-CLAUSES = {  # the message of a finding: (the problem, what to do) of the error
-    "1 samples; at least 2 are needed": ("1 samples; at least 2 are needed", "mend the log or its map"),
-    "reaches 90 rad; degrees?; set `unit`": ("reaches 90 rad; degrees?", "set `unit`"),
-    "holds no number at all": ("holds no number at all", "mend the log or its map"),
-}
-
-
-@pytest.mark.parametrize("message", CLAUSES)
-def test_the_last_clause_of_a_finding_is_advice_only_where_it_says_what_to_do(message: str):
-    found = LogFinding(severity="error", check="short", where="a.csv", message=message)
+@pytest.mark.parametrize(
+    ("message", "do", "said"),
+    [
+        (
+            "1 samples; at least 2 are needed",
+            "",
+            "a.csv: 1 samples; at least 2 are needed; expected a log that passes the checks; mend the log or its map",
+        ),
+        (
+            "reaches 90 rad; degrees?",
+            "set `unit`",
+            "a.csv: reaches 90 rad; degrees?; expected a log that passes the checks; set `unit`",
+        ),
+        (
+            "there is no log 'a.csv'; expected an existing file",
+            "check the path",
+            "there is no log 'a.csv'; expected an existing file; check the path",
+        ),
+    ],
+)
+def test_the_error_of_a_log_says_what_its_finding_says(message: str, do: str, said: str):
+    found = LogFinding(severity="error", check="short", where="a.csv", message=message, do=do)
     error = doctor.refusal(LogFindings(logs=("a.csv",), robot=None, usable=False, findings=(found,)))
-    problem, do = CLAUSES[message]
-    assert (error.problem, error.do) == (f"a.csv: {problem}", do)
+    assert str(error) == said
+
+
+def test_what_the_error_of_a_log_says_is_in_no_table():
+    """Alike findings are one, with the first place and how many more."""
+    alike = [LogFinding(severity="error", check="nan", where=f"{n}.csv", message="no number") for n in "abc"]
+    far = dict(severity="error", check="units", message="too far", do="set `unit`")
+    others = [LogFinding(where=where, **far) for where in ("b.csv", "c.csv")]
+    told = LogFindings(logs=("a.csv",), robot=None, usable=False, findings=(*alike, *others))
+    assert str(doctor.refusal(told)).startswith("a.csv and 2 places more: no number (and 1 more); expected")
+    console = Console(width=100, record=True, file=io.StringIO())
+    console.print(doctor.tables(told))
+    text = console.export_text()
+    assert "no number" not in text
+    assert re.search(r"error +units +b\.csv and 1 place more +too far; set `unit`", text)

@@ -140,6 +140,34 @@ def test_a_folder_that_is_none_and_a_model_that_does_not_compile(
         broken.model  # noqa: B018
 
 
+@pytest.mark.parametrize(
+    ("ref", "do"),
+    [
+        ("arm", "write 'my_arm', which is nearest to it"),
+        ("robots/my_arm", "write 'my_arm', which is nearest to it"),
+        ("leg/", "write './leg', which is nearest to it"),
+        ("quadrupet", "write 'quadruped', which is nearest to it"),
+        ("xyzzy", "see `dynreg robots`"),
+    ],
+)
+def test_a_name_of_no_robot_is_answered_with_the_nearest_folder_here_or_packaged_robot(
+    ref: str, do: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("my_arm", "leg", "no_robot"):
+        (tmp_path / name).mkdir()
+        if name != "no_robot":
+            (tmp_path / name / "robot.toml").touch()
+    (tmp_path / "elsewhere").mkdir()
+    with pytest.raises(RobotError, match="no robot") as error:
+        load_robot(tmp_path / "elsewhere" / ref)
+    assert "here:" not in error.value.expected
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(RobotError, match="no robot") as error:
+        load_robot(f"elsewhere/{ref}")
+    assert error.value.do == do
+    assert error.value.expected.endswith("MJCF model (here: './leg', 'my_arm')")
+
+
 def test_named_ranges_replace_the_parameters_own(write_robot: Callable[..., Path]):
     ranges = "[populations.weak]\nranges = { gain = [1.0, 10] }\n\n[reset]"
     folder = write_robot(("[reset]", ranges))

@@ -40,8 +40,10 @@ def test_no_rollout_of_a_first_look_is_longer_than_the_robot_states(tmp_path: Pa
 
 def test_longer_rollouts_than_the_robot_states_are_told() -> None:
     robot = load_robot("double_pendulum")
-    with pytest.warns(Assumed, match="up to 4 times as long as .* 'double_pendulum' .0.5 s."):
+    with pytest.warns(Assumed, match="up to 4 times as long as .* 'double_pendulum' .0.5 s.") as told:
         _tell_longer(robot, 2.0)
+    (said,) = [str(one.message) for one in told]
+    assert said.startswith("a horizon of 2 s makes") and "--" not in said, "it is told in Python, too"
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for asked in (None, 0.3):

@@ -8,10 +8,11 @@ import pytest
 from tiny_registry import bench_csv
 
 import dynreg
+from dynreg.data.recording import Recording
 from dynreg.errors import MapError, UsageError
 from dynreg.report.stored import channel_words
 from dynreg.verbs.robots import robot_check, robot_copy
-from dynreg.verbs.subjects import every_recorded
+from dynreg.verbs.subjects import every_recorded, found_in
 
 
 def test_many_channels_are_told_as_groups_and_a_few_by_name():
@@ -22,6 +23,24 @@ def test_many_channels_are_told_as_groups_and_a_few_by_name():
         "12 joints: position, velocity, target; base: roll, pitch; supply; load"
     )
     assert channel_words(("arm/position", "arm/target")) == "arm/position, arm/target"
+
+
+def test_findings_of_older_recordings_read_as_those_of_today(tmp_path: Path):
+    """What to do had no place of its own once, and stood at the end of the message."""
+    log = tmp_path / "run.csv"
+    log.write_text(
+        bench_csv(lambda i, row: [*row[:1], row[1] + 0.9 * (i == 100), *row[2:]]), encoding="utf-8"
+    )
+    with dynreg.open(tmp_path / "registry") as session:
+        session.ingest(log, "servo_pendulum", name="spiky")
+        stored = session.recording("spiky")
+    today = found_in(stored)
+    assert any(f.do.startswith("to leave it out, write outliers") for f in today)
+    olden = [{**vars(f), "message": f.told} for f in today]
+    for told in olden:
+        del told["do"]
+    read = Recording(stored.channels, stored.episodes, True, {**stored.provenance, "findings": olden})
+    assert [str(f) for f in found_in(read)] == [str(f) for f in today]
 
 
 def test_a_log_without_commands_is_ingested_and_says_so(tmp_path: Path):

@@ -18,58 +18,56 @@ _CHATTER = (
     "lower kd, or log faster; to use the log as it is, leave {them} out: weight = 0 of {their} channels in robot.toml, "
     "or --joints with the others"
 )
-TOLD = {
-    (
-        "chatter",
-        "",
-    ): "{oscillate} at about half the sampling rate in {0} of the log (at {1} of {2}, amplitude {3}): the "
-    f"drive is unstable or the log is aliased; {_CHATTER}",
-    (
-        "chatter",
+TOLD = {  # what was seen, and what to do
+    ("chatter", ""): (
+        "{oscillate} at about half the sampling rate in {0} of the log (at {1} of {2}, amplitude {3}): the drive is "
+        "unstable or the log is aliased",
+        _CHATTER,
+    ),
+    ("chatter", "aliased"): (
+        "{have} a velocity of {0} that the position does not go along with ({1}): the drive is unstable and the log is "
         "aliased",
-    ): "{have} a velocity of {0} that the position does not go along with ({1}): the drive is "
-    f"unstable and the log is aliased; {_CHATTER}",
-    (
-        "velocity",
-        "constant",
-    ): "{have} a velocity of {0} in all of the log while the position moves: it was not measured; in the map, give its "
-    "channel derivative_of (the channel of the position) in place of source",
-    (
-        "stop",
-        "largest",
-    ): "{stand} at {0} in {1} of the samples while the target is up to {2} beyond: {it_is} at a stop; "
-    "keep the target within it",
-    (
-        "stop",
-        "both",
-    ): "{stand} at {0} and at {1} in {2} of the samples while the target is up to {3} beyond: {it_is} at a stop on "
-    "both sides; keep the target within them",
-    (
-        "target",
-        "order",
-    ): "{follow} the target of {other} (correlation {0}), not the own ({1}): joints are swapped; "
-    "correct their order in the log or in the map",
-    (
-        "target",
-        "unit",
-    ): "{move} {0} times as far as the target: {other} is in deg, the other in rad; set `unit` in the map",
-    ("target", "sign"): "{move} against the target (correlation {0}): one of the two has the wrong sign; set "
-    "scale = -1 in the map",
-    (
-        "target",
-        "zero",
-    ): "{follow} the target {0} off it in all of the log: one of the two has a wrong zero; set "
-    "`offset` in the map",
-    (
-        "target",
-        "far",
-    ): "{stay} at least {0} off the target in all of the log: the drive is off or weak, or the order of "
-    "joints or a zero is wrong; check both",
+        _CHATTER,
+    ),
+    ("velocity", "constant"): (
+        "{have} a velocity of {0} in all of the log while the position moves: it was not measured",
+        "in the map, give its channel derivative_of (the channel of the position) in place of source",
+    ),
+    ("stop", "largest"): (
+        "{stand} at {0} in {1} of the samples while the target is up to {2} beyond: {it_is} at a stop",
+        "keep the target within it",
+    ),
+    ("stop", "both"): (
+        "{stand} at {0} and at {1} in {2} of the samples while the target is up to {3} beyond: {it_is} at a stop on "
+        "both sides",
+        "keep the target within them",
+    ),
+    ("target", "order"): (
+        "{follow} the target of {other} (correlation {0}), not the own ({1}): joints are swapped",
+        "correct their order in the log or in the map",
+    ),
+    ("target", "unit"): (
+        "{move} {0} times as far as the target: {other} is in deg, the other in rad",
+        "set `unit` in the map",
+    ),
+    ("target", "sign"): (
+        "{move} against the target (correlation {0}): one of the two has the wrong sign",
+        "set scale = -1 in the map",
+    ),
+    ("target", "zero"): (
+        "{follow} the target {0} off it in all of the log: one of the two has a wrong zero",
+        "set `offset` in the map",
+    ),
+    ("target", "far"): (
+        "{stay} at least {0} off the target in all of the log: the drive is off or weak, or the order of joints or a "
+        "zero is wrong",
+        "check both",
+    ),
 }
 TOLD["stop", "smallest"] = TOLD["stop", "largest"]
 SATURATED = (
-    "{stand} at the largest {kind}, {1}, in {0} of the moving samples: the drive is at its limit; move slower, carry "
-    "less or lower its gains"
+    "{stand} at the largest {kind}, {1}, in {0} of the moving samples: the drive is at its limit",
+    "move slower, carry less or lower its gains",
 )
 ONE = {"it_is": "it is", "them": "it", "their": "its"}
 MANY = {"it_is": "they are", "them": "them", "their": "their"}
@@ -110,20 +108,21 @@ def check_behaviour(
     files = [*dict.fromkeys(episode.file for episode in episodes)]
     where = f"{files[0]} and {len(files) - 1} more" if files[1:] else "".join(files)
     for names in alike.values():
-        text = _text(names, [seen[name] for name in names])
+        text, do = _texts(names, [seen[name] for name in names])
         who = f"all {len(names)} joints" if 1 < len(names) == len(joints) else _named(names)
-        yield Finding("warning", seen[names[0]].check, f"{where}, {who}", text)
+        yield Finding("warning", seen[names[0]].check, f"{where}, {who}", text, do)
 
 
-def _text(names: Sequence[str], seen: Sequence[Seen]) -> str:
-    """What was seen of some joints, with the numbers of all of them."""
+def _texts(names: Sequence[str], seen: Sequence[Seen]) -> tuple[str, str]:
+    """What was seen of some joints, with the numbers of all of them, and what to do."""
     first = seen[0]
     numbers = [_range([s.numbers[k] for s in seen], unit) for k, unit in enumerate(first.units)]
-    told = TOLD.get((first.check, first.kind), SATURATED)
+    said, do = TOLD.get((first.check, first.kind), SATURATED)
     verbs = VERBS if len(seen) == 1 else {verb: verb for verb in VERBS}
     pairs = ", ".join(f"{name} that of {one.other}" for name, one in zip(names, seen, strict=True))
     other = first.other if len(seen) == 1 or first.kind != "order" else f"another joint ({pairs})"
-    return told.format(*numbers, kind=first.kind, other=other, **(ONE if len(seen) == 1 else MANY), **verbs)
+    words = dict(kind=first.kind, other=other, **(ONE if len(seen) == 1 else MANY), **verbs)
+    return said.format(*numbers, **words), do.format(**words)
 
 
 def _named(names: Sequence[str]) -> str:

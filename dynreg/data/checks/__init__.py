@@ -69,9 +69,8 @@ def _short(episode: RawEpisode, spec: RecordingSpec, where: str) -> Iterator[Fin
             "warning", "short", where, f"lasts {duration:.3f} s, less than 10 steps at {spec.rate:g} Hz"
         )
     elif spec.rate is not None and rows < 0.1 * duration * spec.rate:
-        text = f"{rows / duration:.3g} samples/s for {spec.rate:g} Hz of control: is the clock in seconds? If not, set "
-        text += "time_unit under [map]"
-        yield Finding("warning", "rate", where, text)
+        text = f"{rows / duration:.3g} samples/s for {spec.rate:g} Hz of control: is the clock in seconds?"
+        yield Finding("warning", "rate", where, text, "if not, set time_unit under [map]")
 
 
 def errors(findings: Iterable[Finding]) -> tuple[Finding, ...]:

@@ -46,6 +46,14 @@ class Doubt:
         return next(iter(self.rates)) if len(self.rates) == 1 else None
 
 
+@dataclass(frozen=True)
+class Coarse:
+    """That stamps are written with so few digits that many rows share one. said : how often; do : what to do."""
+
+    said: str
+    do: str
+
+
 def check_clocks(
     channels: Mapping[str, Series],
     where: str,
@@ -63,14 +71,14 @@ def check_clocks(
         here = f"{where}, {names[0]}{more}"
         if not only_gaps:
             repeats = bool((np.diff(time) == 0).any())
-            rounded = coarse([channels[name] for name in names]) if repeats else ""
+            rounded = coarse([channels[name] for name in names]) if repeats else None
             yield from check_clock(time, here, counting, rounded)
         if gap is not None:
             yield from check_gaps(time, here, gap, counting)
 
 
 def check_clock(
-    time: np.ndarray, where: str, counting: Counting | None = SECONDS, rounded: str = ""
+    time: np.ndarray, where: str, counting: Counting | None = SECONDS, rounded: Coarse | None = None
 ) -> Iterator[Finding]:
     """Stamps that run back, stand still, repeat or scatter, or whose clock counts in another unit than `counting`.
 
@@ -93,22 +101,24 @@ def check_clock(
             "clock",
             f"{where}, row {row}",
             f"the clock runs back by {-steps[row - 1]:.6g} s at {time[row - 1]:.6f} s "
-            f"({len(back)} time{'s' * (len(back) > 1)}); "
+            f"({len(back)} time{'s' * (len(back) > 1)})",
             'mend it, or split there with by = "gaps" under [episodes]',
         )
     equal = steps == 0
     if equal.any():
         start, run = longest_run(equal)
         stopped = run >= STANDSTILL_ROWS
-        if stopped:
-            text = rounded or f"the clock stands still at {time[start]:.6f} s for {run + 1} rows; {STAMPS}"
+        if rounded:
+            text, do = rounded.said, rounded.do
+        elif stopped:
+            text, do = f"the clock stands still at {time[start]:.6f} s for {run + 1} rows", STAMPS
         else:
-            text = rounded or f"{int(equal.sum())} stamps repeat the one before"
-            text += "; of rows with the same stamp the last one counts"
-        yield Finding("error" if stopped else "warning", "clock", f"{where}, row {start}", text)
+            text, do = f"{int(equal.sum())} stamps repeat the one before", ""
+        text += "" if stopped else "; of rows with the same stamp the last one counts"
+        yield Finding("error" if stopped else "warning", "clock", f"{where}, row {start}", text, do)
     moving, doubt = steps[steps > 0], doubted(time, counting)
     if doubt is not None:
-        yield Finding("warning", "clock", where, f"{doubt.said}; {doubt.do}")
+        yield Finding("warning", "clock", where, doubt.said, doubt.do)
     elif len(moving) >= 10:
         median, late = np.median(moving), np.quantile(moving, 0.99)
         if late > JITTER * median:
@@ -116,8 +126,8 @@ def check_clock(
             yield Finding("info", "jitter", where, text)
 
 
-def coarse(signals: Iterable[Series]) -> str:
-    """What is said of stamps that are written with so few digits that many rows share one; "" of others.
+def coarse(signals: Iterable[Series]) -> Coarse | None:
+    """What is said of stamps that are `Coarse`; None of others.
 
     signals : of one clock or several, the first that tells. Rows that repeat another as a whole are none of these, nor
     are those of a clock that stops.
@@ -138,12 +148,12 @@ def coarse(signals: Iterable[Series]) -> str:
         changed = np.flatnonzero(steps > 0) + 1
         rows = int(changed[-1] - changed[0])
         every = _shortest((known.time[changed[-1]] - known.time[changed[0]]) / rows, rows)
-        return (
+        return Coarse(
             f"{int(equal.sum())} of {len(known)} stamps repeat the one before: they are written to {least:.3g} s, and "
-            f"rows come about every {every} s; write them with more digits or, if rows come evenly, as the number of "
-            f"the row times {every}"
+            f"rows come about every {every} s",
+            f"write them with more digits or, if rows come evenly, as the number of the row times {every}",
         )
-    return ""
+    return None
 
 
 def _shortest(step: float, rows: int) -> str:
@@ -262,9 +272,9 @@ def check_gaps(
             )
             text = (
                 f"{len(long)} of {len(steps)} rows come more than {gap:g} s after the one before, usually "
-                f"{np.median(steps[long]):.4g} s: {unit}set `gap` above that under [episodes]"
+                f"{np.median(steps[long]):.4g} s"
             )
-            yield Finding("warning", "gap", where, text)
+            yield Finding("warning", "gap", where, text, f"{unit}set `gap` above that under [episodes]")
     elif len(long):
         first = int(long[0])
         yield Finding(
@@ -272,6 +282,6 @@ def check_gaps(
             "gap",
             f"{where}, row {first + 1}",
             f"{len(long)} {'gap' if len(long) == 1 else 'gaps'} longer than {gap:g} s, the first "
-            f"{steps[first]:.3f} s at {time[first]:.3f} s, the longest {steps.max():.3f} s; "
+            f"{steps[first]:.3f} s at {time[first]:.3f} s, the longest {steps.max():.3f} s",
             'split there with by = "gaps" under [episodes]',
         )

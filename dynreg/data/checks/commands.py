@@ -39,9 +39,9 @@ def check_commands(episode: RawEpisode, spec: RecordingSpec, where: str) -> Iter
         do = "no robot is told so many, so correct time_unit under [map]"
     text = (
         f"commands come at {rate:g} Hz, control_rate is {spec.rate:g} Hz: {100 * (1 - spec.rate / rate):.0f} % of them "
-        f"are dropped; {do}"
+        "are dropped"
     )
-    yield Finding("warning", "rate", f"{where}, {name}", text)
+    yield Finding("warning", "rate", f"{where}, {name}", text, do)
 
 
 def check_targets(episode: RawEpisode, spec: RecordingSpec, where: str) -> Iterator[Finding]:

@@ -102,8 +102,9 @@ def velocities(episode: RawEpisode, where: str) -> Iterator[Finding]:
             continue
         unit = next((u for u, k in MISTAKES.items() for f in (k, 1 / k) if 0.85 < slope / f < 1.15), None)
         text = f"is {slope:.3g} times the rate of its position"
-        told = f": one of the two is in {unit}; set `unit`" if unit else "; check its sign and unit"
-        yield Finding("error" if unit else "warning", "units", f"{where}, {name}", text + told)
+        text += f": one of the two is in {unit}" if unit else ""
+        do = "set `unit`" if unit else "check its sign and unit"
+        yield Finding("error" if unit else "warning", "units", f"{where}, {name}", text, do)
 
 
 def velocity_slope(position: Series, velocity: Series) -> float | None:

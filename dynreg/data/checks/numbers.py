@@ -46,12 +46,12 @@ def _check_rate(series: Series, where: str, unknown: np.ndarray) -> Iterator[Fin
         lost = f"{unknown.sum()} of {len(unknown)} rates are not known"
         text = f"{lost}: the signal turns too sharply there, or is silent"
         much = unknown.mean() > MANY
-        text += "; raise filter_hz in the map, if it has one, or log faster" if much else ""
-        yield Finding("warning" if much else "info", "rate", where, text)
+        do = "raise filter_hz in the map, if it has one, or log faster" if much else ""
+        yield Finding("warning" if much else "info", "rate", where, text, do)
     if series.error > VAGUE * size:
         text = f"its rates of {size:.2g} (rms) are off by {series.error:.2g} (1 sigma)"
         yield Finding(
-            "warning", "rate", where, f"{text}; change filter_hz in the map, or log a measured velocity"
+            "warning", "rate", where, text, "change filter_hz in the map, or log a measured velocity"
         )
 
 
@@ -67,10 +67,10 @@ def check_spikes(series: Series, where: str, table: str) -> Iterator[Finding]:
         first = ", ".join(f"{series.time[r]:.3f} s" for r in rows[:3]) + (", ..." if len(rows) > 3 else "")
         text = (
             f"{len(rows)} single-sample {'spike' if len(rows) == 1 else 'spikes'} (at {first}), the largest by "
-            f"{heights[far]:+.4g}{f' {series.unit}' if series.unit else ''} at {series.time[rows[far]]:.3f} s; "
-            f'to leave {"it" if len(rows) == 1 else "them"} out, write outliers = "drop" in the map {table}'
+            f"{heights[far]:+.4g}{f' {series.unit}' if series.unit else ''} at {series.time[rows[far]]:.3f} s"
         )
-        yield Finding("warning", "spike", f"{where}, row {int(rows[0])}", text)
+        do = f'to leave {"it" if len(rows) == 1 else "them"} out, write outliers = "drop" in the map {table}'
+        yield Finding("warning", "spike", f"{where}, row {int(rows[0])}", text, do)
 
 
 def check_range(
@@ -89,8 +89,8 @@ def check_range(
     reached, limit = (largest, max(bounds)) if bounds else _beyond_stops(values, channel.stops)
     if limit > 0 and reached > BEYOND * limit:
         hint = "; degrees?" if channel.unit.startswith("rad") else ""
-        text = f"reaches {reached:.4g} {channel.unit}, {reached / limit:.3g} x its limit{hint}; set `unit`"
-        yield Finding("error", "units", where, text)
+        text = f"reaches {reached:.4g} {channel.unit}, {reached / limit:.3g} x its limit{hint}"
+        yield Finding("error", "units", where, text, "set `unit`")
         return
     turned = float(np.abs(np.diff(values)).max(initial=0.0)) if followed else largest
     if channel.unit == "rad" and not bounds and turned > TURNS:
@@ -99,7 +99,7 @@ def check_range(
     if channel.kind == "enable" and not (flags := np.isin(values, (0.0, 1.0))).all():
         text = f"a flag with values other than 0 and 1, such as {values[np.argmin(flags)]:.4g}"
         do = "correct its `source` in the map, or leave the channel out"
-        yield Finding("error", "units", where, f"{text}: {do}")
+        yield Finding("error", "units", where, text, do)
     if channel.kind in ("action", "state") and channel.low is not None and channel.high is not None:
         margin = LIMIT_MARGIN * (channel.high - channel.low)
         out = (values < channel.low - margin) | (values > channel.high + margin)
@@ -115,8 +115,10 @@ def check_range(
         jumps = _wraps(values)
         if len(jumps):
             often = "once" if len(jumps) == 1 else f"{len(jumps)} times"
-            text = f"jumps by a whole turn {often}; set unwrap = true in the map"
-            yield Finding("warning", "wrap", f"{where}, row {int(jumps[0]) + 1}", text)
+            text = f"jumps by a whole turn {often}"
+            yield Finding(
+                "warning", "wrap", f"{where}, row {int(jumps[0]) + 1}", text, "set unwrap = true in the map"
+            )
 
 
 def _wraps(values: np.ndarray) -> np.ndarray:

@@ -172,8 +172,8 @@ class Columns:
             self._units[about.name] = unit.decode()
         except UnicodeDecodeError:
             where = f"{self.path.name}, {about.name}"
-            told = f"its unit {unit[:20]!r} is no text and is left out; set `unit` in the map"
-            finding = Finding("warning", "left_out", where, told)
+            told = f"its unit {unit[:20]!r} is no text and is left out"
+            finding = Finding("warning", "left_out", where, told, "set `unit` in the map")
             if finding not in self.findings:
                 self.findings.append(finding)
 

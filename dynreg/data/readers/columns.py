@@ -257,4 +257,4 @@ def _left_out(name: str, key: str, array: np.ndarray, clock: str, rows: int) -> 
     if clocked or max(array.shape) <= MAX_ITEMS:
         return Finding("info", "left_out", where, told)
     do = f"resample it onto {clock!r}, or store its clock beside it, such as {key}_time, that overlaps with {clock!r}"
-    return Finding("warning", "left_out", where, f"{told}: it is left out; {do}")
+    return Finding("warning", "left_out", where, f"{told}: it is left out", do)

@@ -249,7 +249,7 @@ class Topic:
             return header, []
         text = (
             f"header stamps are {lag:.3g} s ahead of the log's clock: the robot's clock and the recorder's differ. "
-            f"Topics without header stamps are early by that: set delay = {-lag:.3g} for their channels in the map, or "
-            'time = "log" under [map]'
+            "Topics without header stamps are early by that"
         )
-        return header, [Finding("warning", "clock", self.name, text)]
+        do = f'set delay = {-lag:.3g} for their channels in the map, or time = "log" under [map]'
+        return header, [Finding("warning", "clock", self.name, text, do)]
