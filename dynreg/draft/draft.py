@@ -10,7 +10,7 @@ import numpy as np
 from dynreg.data.checks.clock import coarse
 from dynreg.data.checks.commands import step_within
 from dynreg.data.drafting import Draft, draft_map
-from dynreg.data.drafting.units import ASKED
+from dynreg.data.checks.counts import ASKED
 from dynreg.data.names import joint_of
 from dynreg.data.series import RawLog
 from dynreg.draft.actuators import put_drives
