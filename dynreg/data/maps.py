@@ -277,7 +277,7 @@ def check_map(log_map: LogMap, spec: RecordingSpec) -> None:
 
 
 def _without_source(missing: Sequence[ChannelSpec], log_map: LogMap) -> MapError:
-    """What is said of all channels that a map lacks, and of a velocity besides that its position in the map tells it."""
+    """What is said of all channels that a map lacks, and of a velocity whose position in the map tells it."""
     several, first = len(missing) > 1, missing[0].name
     do = f"add {'them' if several else 'it'} to the map"
     if rate := next((c for c in missing if c.rate_of in log_map.channels), None):

@@ -86,7 +86,7 @@ def _changes(commands: Series) -> float:
 
 
 def _missed(commands: Series, rate: float) -> float:
-    """How far commands of which control at a rate [Hz] takes some go beyond those taken around them, in their spread."""
+    """How far commands go beyond those around them that control at a rate [Hz] takes, in their spread."""
     known = clean(commands)
     time = np.maximum.accumulate(known.time)  # a clock that runs back is told elsewhere
     steps = np.ceil((time - time[0] - STAMP_TOLERANCE) * rate)
