@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from dynreg.data.names import position_of
 from dynreg.data.patterns import search
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.series import RawLog
@@ -280,8 +281,9 @@ def _without_source(missing: Sequence[ChannelSpec], log_map: LogMap) -> MapError
     """What is said of all channels that a map lacks, and of a velocity whose position in the map tells it."""
     several, first = len(missing) > 1, missing[0].name
     do = f"add {'them' if several else 'it'} to the map"
-    if rate := next((c for c in missing if c.rate_of in log_map.channels), None):
-        do += f'. Where the log lacks a velocity, derivative_of = "{rate.rate_of}" computes {rate.name!r}'
+    rates = {c.name: position_of(c.name) for c in missing if c.kind == "state"}
+    if rate := next((name for name, position in rates.items() if position in log_map.channels), None):
+        do += f'. Where the log lacks a velocity, derivative_of = "{rates[rate]}" computes {rate!r}'
     return MapError(
         f"the map gives no source for channel{'s' * several} {quoted(c.name for c in missing)}",
         expected=f'[channels."{first}"] with source = "..."{", and so on" * several}',

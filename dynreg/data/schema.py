@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-from dynreg.data.names import joint_of, quantity_of
-
 
 @dataclass(frozen=True)
 class ChannelSpec:
@@ -26,12 +24,6 @@ class ChannelSpec:
     @property
     def hold(self) -> bool:
         return self.kind in ("action", "enable")
-
-    @property
-    def rate_of(self) -> str | None:
-        """The position of which a joint's velocity is the rate; None for other channels."""
-        rate = self.kind == "state" and quantity_of(self.name) == "velocity"
-        return f"{joint_of(self.name)}/position" if rate else None
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,8 @@ from dynreg.data.checks.clock import FASTEST, coarse
 from dynreg.data.checks.numbers import check_range
 from dynreg.data.episodes import RawEpisode
 from dynreg.data.names import joint_of
-from dynreg.data.resample import STAMP_TOLERANCE
 from dynreg.data.schema import RecordingSpec
-from dynreg.data.series import Finding, Series, clean
+from dynreg.data.series import STAMP_TOLERANCE, Finding, Series, clean
 
 HALF = 0.51  # share of the commands that control must keep, and a little more, for stamps are not exact
 MISSED = 0.02  # of a command's spread, by which those that control drops may go beyond those that it takes
