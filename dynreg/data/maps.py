@@ -8,11 +8,12 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from dynreg.data.names import position_of
 from dynreg.data.patterns import search
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.series import RawLog
 from dynreg.data.units import UNITS, conversion
-from dynreg.errors import MapError, one_of
+from dynreg.errors import MapError, one_of, quoted
 from dynreg.tomlfile import parse_toml, read_toml
 
 DEFAULT_GAP = 0.5  # [s] a longer silence is a gap
@@ -271,13 +272,23 @@ def check_map(log_map: LogMap, spec: RecordingSpec) -> None:
             _known_name(entry.derivative_of, "channel", tuple(n for n in log_map.channels if n != name))
     for name in log_map.settings:
         _known_name(name, "setting", spec.settings)
-    for channel in spec.channels:
-        if not channel.optional and channel.name not in log_map.channels:
-            raise MapError(
-                f"the map gives no source for channel {channel.name!r}",
-                expected=f'[channels."{channel.name}"] with source = "..."',
-                do="add it to the map",
-            )
+    missing = [c for c in spec.channels if not c.optional and c.name not in log_map.channels]
+    if missing:
+        raise _without_source(missing, log_map)
+
+
+def _without_source(missing: Sequence[ChannelSpec], log_map: LogMap) -> MapError:
+    """What is said of all channels that a map lacks, and of a velocity whose position in the map tells it."""
+    several, first = len(missing) > 1, missing[0].name
+    do = f"add {'them' if several else 'it'} to the map"
+    rates = {c.name: position_of(c.name) for c in missing if c.kind == "state"}
+    if rate := next((name for name, position in rates.items() if position in log_map.channels), None):
+        do += f'. Where the log lacks a velocity, derivative_of = "{rates[rate]}" computes {rate!r}'
+    return MapError(
+        f"the map gives no source for channel{'s' * several} {quoted(c.name for c in missing)}",
+        expected=f'[channels."{first}"] with source = "..."{", and so on" * several}',
+        do=do,
+    )
 
 
 def _known_name(name: str, kind: str, known: tuple[str, ...]) -> None:

@@ -20,6 +20,16 @@ def quantity_of(name: str) -> str:
     return parts_of(name)[1]
 
 
+def position_of(velocity: str) -> str | None:
+    """The position of which a joint's velocity is the rate; None for what is named as no velocity.
+
+    >>> position_of("arm/velocity"), position_of("arm/torque")
+    ('arm/position', None)
+    """
+    joint, quantity = parts_of(velocity)
+    return f"{joint}/position" if quantity == "velocity" else None
+
+
 def fits(name: str, pattern: str) -> bool:
     """Whether a name is the pattern itself, brackets and all, or one that it matches.
 

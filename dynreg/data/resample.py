@@ -8,12 +8,11 @@ from dynreg.data.derivative import GRID_LIMIT
 from dynreg.data.episodes import RawEpisode
 from dynreg.data.gaps import BRIDGED, silent
 from dynreg.data.schema import ChannelSpec, RecordingSpec
-from dynreg.data.series import Finding, Series, clean
+from dynreg.data.series import STAMP_TOLERANCE, Finding, Series, clean
 from dynreg.errors import LogError
 from dynreg.limits import limits, refuse
 
 MUCH = 0.05  # share of an episode's time that is not left out without a word
-STAMP_TOLERANCE = 1e-6  # [s] a command stamped this much after a grid point still counts for it
 
 
 def resample(episode: RawEpisode, spec: RecordingSpec) -> tuple[float, np.ndarray, np.ndarray]:

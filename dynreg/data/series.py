@@ -9,6 +9,8 @@ import numpy as np
 
 from dynreg.errors import LogError
 
+STAMP_TOLERANCE = 1e-6  # [s] a command stamped this much after a grid point still counts for it
+
 
 @dataclass(frozen=True)
 class Finding:

@@ -145,7 +145,7 @@ def search(
             ranking = ranking or own
             hints = problem.guide.hints(own, state.model, state.current, left)
         naming, model = yield from plan.name(state.model, state.current, left, state.sample, hints)
-        naming = passing(naming, least.nats)
+        naming = replace(passing(naming, least.nats), needed=least.nats)
         state = replace(state, model=model, rounds=(*state.rounds, naming))
         if number == 0:
             state = replace(state, base=naming.start.point)

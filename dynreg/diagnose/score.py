@@ -11,6 +11,7 @@ from dynreg.evidence.likelihood import log_likelihood, mean_squares
 from dynreg.evidence.lockstep import Search
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
+from dynreg.sim.effects import Term
 
 # The price of a parameter, 5 % and 15 nats are by contract: they won a comparison of four ways to name causes.
 # bench_constants names 16 of 21 with FEW and BEYOND halved and doubled.
@@ -38,12 +39,18 @@ class Scored:
     def key(self) -> str:
         return self.point.hypothesis.key
 
+    @property
+    def term(self) -> Term:
+        """What it adds: the last term."""
+        return self.point.hypothesis.terms[-1]
+
 
 @dataclass(frozen=True)
 class Naming:
     """One round: its start, the ranking, the chosen hypothesis and its equivalents.
 
-    small : ids of effects that were fitted and left out of the ranking, as their sizes are below half the weak ones.
+    needed : evidence [nats] that a cause must have; 0 where that is not known yet. small : ids of effects that were
+    fitted and left out of the ranking, as their sizes are below half the weak ones.
     """
 
     start: Scored
@@ -51,6 +58,12 @@ class Naming:
     chosen: Scored | None = None
     equivalent: tuple[Scored, ...] = ()
     small: tuple[str, ...] = ()
+    needed: float = 0.0
+
+    @property
+    def as_good(self) -> tuple[Scored, ...]:
+        """The equivalents that a cause could be: what has less evidence than chance may give explains nothing."""
+        return tuple(s for s in self.equivalent if s.nats >= self.needed)
 
     @property
     def most(self) -> float:

@@ -256,10 +256,20 @@ def verdict_of(
 
 
 def rivals(robot: Robot, naming: Naming) -> list[str]:
-    """Keys of the equivalents of a round's cause that do not belong to its exact group."""
-    chosen = naming.chosen.point.hypothesis.terms[-1]
-    others = [s.point.hypothesis.terms[-1] for s in naming.equivalent]
-    return [t.key for t in others if not one_group(robot, chosen, t)]
+    """Keys of what is as good as a round's cause and does not belong to its exact group."""
+    others = [s.term for s in naming.as_good]
+    return [t.key for t in others if not one_group(robot, naming.chosen.term, t)]
+
+
+def not_told_apart(robot: Robot, naming: Naming, without: Sequence[str] = ()) -> list[str]:
+    """Keys of what explains the data as well as a round's cause: its rivals, and those of its exact group that are as
+    good or were not scored. Where the group is exact but for how a log begins, the data do tell some of it apart.
+
+    without : as in `group_of`.
+    """
+    less = {s.term.key for s in naming.ranking} - {s.term.key for s in naming.as_good}
+    group = group_of(robot, naming.chosen.term, without)
+    return [*rivals(robot, naming), *(key for key in group if key not in less)]
 
 
 def group_of(robot: Robot, term: Term, without: Sequence[str] = ()) -> list[str]:

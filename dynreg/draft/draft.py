@@ -9,8 +9,8 @@ import numpy as np
 
 from dynreg.data.checks.clock import coarse
 from dynreg.data.checks.commands import step_within
+from dynreg.data.checks.counts import ASKED
 from dynreg.data.drafting import Draft, draft_map
-from dynreg.data.drafting.units import ASKED
 from dynreg.data.names import joint_of
 from dynreg.data.series import RawLog
 from dynreg.draft.actuators import put_drives
@@ -38,7 +38,7 @@ from dynreg.draft.measured import (
     with_measured_limits,
     without_passed_ranges,
 )
-from dynreg.draft.opened import Opened, carries_tool, open_model
+from dynreg.draft.opened import Opened, open_model, tools_among
 from dynreg.draft.parameters import parameters, reasons
 from dynreg.draft.passive import REASON, of_passive
 from dynreg.draft.source import Source
@@ -321,7 +321,7 @@ def _head(
             f"{MOST_CONTROL:g} Hz every answer is slow. To take all, set control_rate = {whole:g} in robot.toml, with "
             f"a timestep of at most {step_within(whole):g} s"
         )
-    tools = [site for site in moving_sites(model) if carries_tool(site)]
+    tools = tools_among(moving_sites(model))
     return Entry(
         {
             "name": name,

@@ -18,10 +18,12 @@ from dynreg.errors import RobotError, UsageError
 from dynreg.sim.mjcf import ROOT
 
 BASE, KEY = "base", "key"  # the names of a free joint and of a keyframe that have none
-# words in the names of sites where makers of arms mark what carries a tool: those of MuJoCo Menagerie and robosuite
-TOOLS = frozenset(
-    {"flange", "tool", "tcp", "ee", "eef", "effector", "attachment", "gripper", "grasp", "pinch", "grip"}
-)
+# Words in the names of sites where makers of arms mark what carries a tool: those of MuJoCo Menagerie and robosuite.
+TOOLS = frozenset("flange tool tcp ee eef effector attachment gripper grasp pinch grip hand".split())
+TIP = "tip"  # an arm has one, legs and fingers have several
+OTHERS = frozenset(
+    "foot toe leg finger thumb imu camera".split()
+)  # of something else, though it be on a hand
 _ODD = re.compile(r"[,\[\]*?/\s]+")  # letters that `sets` entries and channel names cannot hold
 _NAMED_BY = {  # attributes that hold the name of a joint, a body or a geom
     "joint": ("joint", "joint1", "joint2", "jointinparent"),
@@ -87,13 +89,15 @@ def _discard_visual(spec: mujoco.MjSpec, name: str, notes: Notes) -> None:
         notes.add(f"{parts} left out. All masses and inertias stay as they were; --visuals keeps {them}")
 
 
-def carries_tool(name: str) -> bool:
-    """Whether a name is one of those by which makers of arms mark what carries a tool.
+def tools_among(names: Iterable[str]) -> list[str]:
+    """Those of a model's names by which makers of arms mark what carries a tool.
 
-    >>> carries_tool("tool0"), carries_tool("stool")
-    (True, False)
+    >>> tools_among(["tool0", "stool", "hand_camera", "arm-tip"]), tools_among(["fl_tip", "fr_tip"])
+    (['tool0', 'arm-tip'], [])
     """
-    return bool(TOOLS & {*re.split(r"[\W\d_]+", name.lower())})
+    words = {name: {*re.split(r"[\W\d_]+", name.lower())} for name in names}
+    tips = [name for name, own in words.items() if TIP in own]
+    return [n for n, own in words.items() if not own & OTHERS and (own & TOOLS or tips == [n])]
 
 
 def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
@@ -144,12 +148,13 @@ def _set_base(spec: mujoco.MjSpec, name: str, free: bool, urdf: bool) -> None:
 
 def _mark_tools(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
     """A site on each frame of a URDF that carries a tool: an empty link at the end of a chain, named for it."""
-    parents = {*model.body_parentid[1:].tolist()}
+    parents, ends = {*model.body_parentid[1:].tolist()}, []
     for i in range(1, model.nbody):
         empty = not (model.body_mass[i] or model.body_jntnum[i] or model.body_geomnum[i])
-        name = model.body(i).name
-        if empty and i not in parents and model.body_weldid[i] and carries_tool(name):
-            spec.body(name).add_site(name=name)
+        if empty and i not in parents and model.body_weldid[i]:
+            ends.append(model.body(i).name)
+    for name in tools_among(ends):
+        spec.body(name).add_site(name=name)
 
 
 def _files_of(spec: mujoco.MjSpec) -> Iterator[tuple[Any, str, str]]:

@@ -65,8 +65,9 @@ class Cause(EffectOn):
     joints : those that have it; none for all of them, or for the robot as a whole.
     evidence_nats : gain of the log-likelihood on the fit and select parts, less what its parameters cost. replaced :
     whether calibrated parameters, far from their nameplate, stand in for it: then its gain over them says little.
-    equivalent : keys of the causes that explain the data as well; separate_by : the experiment that separates them.
-    inseparable : those of them that no commands separate: the others of its exact group, whatever they scored.
+    equivalent : keys of the causes that explain the data as well, by what they scored or because they are of its exact
+    group and were not looked for; separate_by : the experiment that separates them.
+    inseparable : the others of its exact group, which commands alone do not separate, whatever they scored.
     gain : by how much it lowers the error on the test part; null where nothing was held out.
     """
 

@@ -9,7 +9,7 @@ from dynreg.diagnose.diagnose import Diagnosed
 from dynreg.diagnose.doubts import replaced, stopped_by_bounds
 from dynreg.diagnose.measured import measured_effects
 from dynreg.diagnose.options import DiagnosisOptions
-from dynreg.diagnose.verdict import group_of, rivals
+from dynreg.diagnose.verdict import group_of, not_told_apart, rivals
 from dynreg.evidence.estimate import gaussian
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
@@ -152,12 +152,11 @@ def _gain(own: Gained | None) -> Gain | None:
 
 def _causes(made: Diagnosed, seen: Account) -> tuple[Cause, ...]:
     robot, found, out = made.problem.model.robot, made.found, []
-    held = measured_effects(robot, made.problem.data.train)
+    held = tuple(measured_effects(robot, made.problem.data.train))
     for number, naming in enumerate(found.rounds[: found.accepted]):
         term = naming.chosen.point.hypothesis.terms[-1]
-        same = tuple(group_of(robot, term, tuple(held)))
-        apart = tuple(rivals(robot, naming))
-        later = made.verdict if made.verdict == "partly_explained" else "ambiguous" if apart else "named"
+        tied = "ambiguous" if rivals(robot, naming) else "named"
+        later = made.verdict if made.verdict == "partly_explained" else tied
         out.append(
             Cause(
                 effect=term.effect.id,
@@ -168,8 +167,8 @@ def _causes(made: Diagnosed, seen: Account) -> tuple[Cause, ...]:
                 parameters={name: EffectEstimate(**vars(e)) for name, e in seen.causes[number].items()},
                 evidence_nats=naming.chosen.nats,
                 replaced=replaced(naming),
-                equivalent=apart + same,
-                inseparable=same,
+                equivalent=tuple(not_told_apart(robot, naming, held)),
+                inseparable=tuple(group_of(robot, term, held)),
                 separate_by=term.effect.separate_by_at(term.at),
                 gain=_gain(made.judged.of_cause(number)),
             )

@@ -46,7 +46,7 @@ def inseparable(made: Diagnosed, seen: Account, word: str) -> tuple[Inseparable,
         number = len(one.point.hypothesis.terms) - 1
         inside = estimates(model, one.point, number - 1, one.draws, median=True)
         # a named cause that explains the data better than the rival alone is there
-        proven = first and rival.key not in {s.point.hypothesis.terms[-1].key for s in first.equivalent}
+        proven = first and rival.key not in {s.term.key for s in first.as_good}
         out.append(
             Inseparable(
                 between=(cause.key, rival.key),

@@ -52,9 +52,7 @@ def _scored(robot: Robot, one: Tried) -> TrialResult:
     """The diagnosis of a robot with hidden effects, compared with the truth."""
     hidden, found, first, verdict = one.hidden, one.made.found, one.first, one.made.verdict
     first_round = found.rounds[0] if first else None
-    stated = (
-        {first.key, *(s.point.hypothesis.terms[-1].key for s in first_round.equivalent)} if first else set()
-    )
+    stated = {first.key, *(s.term.key for s in first_round.as_good)} if first else set()
     causes = tuple(t.key for t in found.current.hypothesis.terms)
     truths = right_names(robot, hidden)
     right, in_part = first is None, False

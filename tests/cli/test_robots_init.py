@@ -266,7 +266,9 @@ def test_a_log_above_500_hz_is_said_to_be_thinned_with_advice_that_works(dynreg,
     stored = dynreg(*"ingest run.csv --robot arm".split())
     advice = re.compile(r"set control_rate = (\S+) in robot.toml, with a timestep of at most (\S+) s")
     rate, step = advice.search(said).groups()
-    assert advice.search(" ".join(stored.out.split())).groups() == (rate, step)
+    told = " ".join(stored.out.split())
+    assert advice.search(told).groups() == (rate, step)
+    assert "- info: run.csv" in told and "lie between those that are taken" in told and "warning" not in told
     text = re.sub("control_rate = .*", f"control_rate = {rate}", toml.read_text())
     toml.write_text(re.sub("timestep = .*", f"timestep = {step}", text))
     assert dynreg(*"robots check arm".split()).status == 0

@@ -254,6 +254,47 @@ def test_degrees_are_told_by_the_stops_of_the_model(
     assert told.severity == "error" and "arm/position" in told.where and "52.1 x its limit; deg" in told.told
 
 
+@pytest.mark.parametrize(
+    ("size", "step", "told", "do"),
+    [
+        (2048.0, 1.0, "which the joint cannot do in degrees either", "(radians per count)"),
+        (2048.0, 0.1, "which the joint cannot do in degrees either", "(radians per count)"),
+        (90.0, 1.0, "in whole numbers", '(radians per count), or unit = "deg"'),
+    ],
+)
+@pytest.mark.parametrize("limits", ["stated", "stops", "none"])
+def test_counts_of_an_encoder_are_told_as_a_draft_tells_them(
+    limits: str,
+    size: float,
+    step: float,
+    told: str,
+    do: str,
+    write_table: Callable,
+    swing: Columns,
+    servo_spec: RecordingSpec,
+):
+    """They were asked about as degrees, which they would still be too large for."""
+    spec = servo_spec if limits == "stated" else stopped(servo_spec)
+    if limits == "none":
+        spec = replace(spec, channels=tuple(replace(c, stops=None) for c in spec.channels))
+    swing["arm__position"] = np.round(size * swing["arm__position"] / step) * step
+    found = doctor(write_table(**swing), spec)
+    (said,) = [
+        f.message
+        for f in found
+        if f.check == "units" and "arm/position" in f.where and "reaches" in f.message
+    ]
+    if limits == "none" and step < 1.0:
+        assert said.endswith("turns: degrees?"), "nothing tells how far it goes"
+    elif limits == "none":
+        assert (
+            ', in whole numbers: counts of an encoder?; set scale = ... (radians per count), or unit = "deg"'
+            in said
+        )
+    else:
+        assert said.endswith(f", {told}: counts of an encoder?; set scale = ... {do}")
+
+
 def test_targets_in_degrees_are_refused_as_positions_are(
     write_table: Callable, swing: Columns, servo_spec: RecordingSpec
 ):
@@ -371,6 +412,27 @@ def test_commands_that_control_would_drop_are_told(
     found = [f for f in doctor(write_table(**commanded_at(np.arange(6 * rows) / rows, every)), spec)]
     said = [f.told for f in found if "commands come at" in f.told]
     assert len(said) == (1 if told else 0) and told in "".join(said)
+
+
+@pytest.mark.parametrize("per_second", [1000, 700])
+def test_commands_that_lie_between_those_that_control_takes_are_no_warning(
+    per_second: int, write_table: Callable, servo_spec: RecordingSpec
+):
+    """A robot that is drafted from a log above 500 Hz takes one in two; each log of it was warned of."""
+    channels = tuple(c for c in servo_spec.channels if c.name in ("arm/position", "arm/target"))
+    spec = replace(servo_spec, channels=channels, settings=(), rate=per_second / 2)
+    columns, rng = commanded_at(np.arange(3000) / per_second), np.random.default_rng(0)
+    smooth = columns["arm__target"]
+    cases = {
+        "info": (smooth, np.where(smooth > 0.5, 1.0, smooth), smooth + 0.005 * rng.standard_normal(3000)),
+        "warning": (rng.uniform(-0.2, 0.2, 3000), smooth + 0.1 * rng.standard_normal(3000)),
+    }
+    for severity, targets in cases.items():
+        for target in targets:
+            found = doctor(write_table(**columns | {"arm__target": target}), spec)
+            (told,) = [f for f in found if "commands come at" in f.message]
+            assert told.severity == severity and "50 % of them are dropped" in told.message
+            assert f"set control_rate = {per_second} in robot.toml" in told.message
 
 
 def test_commands_with_scattered_stamps_are_not_said_to_be_dropped(

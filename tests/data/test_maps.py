@@ -74,6 +74,28 @@ def test_maps_are_held_against_the_robot(old: str, new: str, message: str, servo
         check_map(parse_map(GOOD.replace(old, new)), servo_spec)
 
 
+def test_all_channels_that_a_map_lacks_are_named_at_once(servo_spec: RecordingSpec):
+    """One at a time they took as many tries as the robot has channels."""
+    alone = '[channels."arm/velocity"]\nsource = "speed"\n'
+    with pytest.raises(MapError) as error:
+        check_map(parse_map(alone), servo_spec)
+    told = str(error.value)
+    assert "no source for channels 'arm/position', 'arm/target'; expected [channels.\"arm/position\"]" in told
+    assert told.endswith("; add them to the map")
+
+
+def test_a_velocity_that_a_map_lacks_can_be_computed_where_its_position_is_there(servo_spec: RecordingSpec):
+    lacks = GOOD.replace('[channels."arm/velocity"]\nderivative_of = "arm/position"\nfilter_hz = 20.0\n', "")
+    with pytest.raises(MapError, match="for channel 'arm/velocity'") as error:
+        check_map(parse_map(lacks), servo_spec)
+    advice = 'derivative_of = "arm/position"'
+    assert error.value.do.endswith(f"{advice} computes 'arm/velocity'")
+    check_map(parse_map(f'{lacks}\n[channels."arm/velocity"]\n{advice}\n'), servo_spec)
+    with pytest.raises(MapError, match="'arm/position', 'arm/velocity', 'arm/target'") as error:
+        check_map(parse_map("[channels]"), servo_spec)
+    assert "derivative_of" not in str(error.value)
+
+
 def test_a_missing_file_is_an_error_too(tmp_path: Path):
     with pytest.raises(MapError, match="cannot be read"):
         read_map(tmp_path / "none.toml")

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynreg.diagnose.score import Naming, Scored
+from dynreg.diagnose.score import Naming, Scored, chosen
 from dynreg.diagnose.verdict import (
     EXPLAINED,
     Evidence,
@@ -14,6 +14,7 @@ from dynreg.diagnose.verdict import (
     group_of,
     most_left,
     noise_of,
+    not_told_apart,
     remaining,
     rivals,
     verdict_of,
@@ -93,6 +94,31 @@ def test_a_cause_is_told_with_its_whole_exact_group_whatever_that_scored():
     assert group_of(servo, term("command_delay"), ["sensor_delay"]) == []
     assert group_of(leg, term("force_offset[knee]")) == ["asymmetric_friction[knee]"]
     assert group_of(leg, term("backlash[knee]")) == []
+
+
+def ranked(needed: float, /, **nats: float) -> Naming:
+    """A round of causes with so many nats, the first chosen; those within 15 nats are equivalent."""
+    every = tuple(replace(scored(key), nats=score) for key, score in nats.items())
+    return replace(chosen(scored(), every), needed=needed)
+
+
+@pytest.mark.parametrize(
+    ("naming", "rival", "untold"),
+    [
+        (ranked(5.0, load_friction=14.0, backlash=13.0), ["backlash"], ["backlash"]),
+        (ranked(5.0, load_friction=14.0, backlash=4.0, payload=-0.1), [], []),
+        (ranked(5.0, command_delay=457.0, sensor_delay=64.0), [], []),
+        (ranked(5.0, command_delay=457.0, sensor_delay=450.0), [], ["sensor_delay"]),
+        (ranked(5.0, command_delay=457.0), [], ["sensor_delay"]),
+        (ranked(5.0, command_delay=14.0, sensor_delay=-0.1), [], []),
+    ],
+    ids=["as good", "by chance", "a part", "of its group", "not looked for", "nothing"],
+)
+def test_only_what_the_data_do_not_tell_from_a_cause_explains_it_as_well(naming, rival, untold):
+    servo = load_robot("servo_pendulum")
+    assert rivals(servo, naming) == rival and not_told_apart(servo, naming) == untold
+    verdict = "ambiguous" if rival else "named"
+    assert verdict_of(servo, evidence(1.0), (naming,), 1) == verdict
 
 
 def test_a_slip_in_one_window_does_not_hide_that_the_others_are_explained():

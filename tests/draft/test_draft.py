@@ -330,6 +330,18 @@ def test_episodes_begin_from_a_keyframe_without_a_name_where_none_has_one(second
     assert problems(robot) == []
 
 
+CARRY = {  # names of sites: those of them that are for a tool
+    "tip": "tip",
+    "arm-tip": "arm-tip",
+    "left_hand hand2": "left_hand hand2",
+    "end_effector EE_frame eef": "end_effector EE_frame eef",
+    "tcp gripper1 tool0": "tcp gripper1 tool0",
+    "FL_tip FR_tip RL_tip RR_tip": "",
+    "FL_foot FL_foot_tip": "",
+    "index_finger_tip hand_camera handle tipper": "",
+}
+
+
 def test_sites_that_are_named_for_a_tool_are_where_the_robot_may_carry(tmp_path):
     text = MODELS["position"][0].replace(
         '<geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.015"',
@@ -337,6 +349,12 @@ def test_sites_that_are_named_for_a_tool_are_where_the_robot_may_carry(tmp_path)
         '<geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.015"',
     )
     assert drafted(tmp_path, text).robot.tools == ("attachment_site",)
+    for name, told in CARRY.items():
+        sites = "".join(f'<site name="{one}"/>' for one in name.split())
+        assert drafted(tmp_path, text.replace('<site name="wheel"/>', sites)).robot.tools == (
+            "attachment_site",
+            *told.split(),
+        )
     frames = (
         '<link name="tool0"/><joint name="at_end" type="fixed"><origin xyz="0.2 0 0.1"/><parent link="{0}"/>'
         '<child link="tool0"/></joint><link name="camera"/><joint name="seen" type="fixed"><parent link="{0}"/>'

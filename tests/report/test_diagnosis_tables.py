@@ -110,6 +110,26 @@ def test_what_the_log_cannot_tell_is_told() -> None:
     assert unsaid(sure.model_copy(update={"parameters": inside})) == ()
 
 
+@pytest.mark.parametrize("nats", [21.0, 3.0])
+def test_what_explains_a_part_is_said_to_do_so_with_its_nats_and_what_explains_nothing_is_not_named(
+    nats: float,
+):
+    result = made_up_diagnosis.diagnosis("partly_explained")
+    first, delay = result.causes
+    less = {
+        "causes": (first, delay.model_copy(update={"equivalent": ()})),
+        "ranking": tuple(
+            r.model_copy(update={"score_nats": nats}) if r.effect == "sensor_delay" else r
+            for r in result.ranking
+        ),
+    }
+    told = result.model_copy(update=less)
+    said = " ".join(unsaid(told))
+    assert "explains it as well" not in flat(told) and "as well" not in said
+    part = "sensor_delay, which commands alone do not separate from it, explains a part: 21 of the 44 nats"
+    assert (part in said) == (nats > told.threshold_nats) == ("sensor_delay" in said)
+
+
 def test_commands_are_offered_only_for_what_commands_can_tell_apart() -> None:
     (line,) = [s for s in diagnosis_steps(made_up_diagnosis.diagnosis("ambiguous")) if "excite" in s]
     assert "--for 'load_friction[arm],stribeck_load_friction[arm]'" in line

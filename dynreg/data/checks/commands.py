@@ -11,37 +11,40 @@ from dynreg.data.checks.numbers import check_range
 from dynreg.data.episodes import RawEpisode
 from dynreg.data.names import joint_of
 from dynreg.data.schema import RecordingSpec
-from dynreg.data.series import Finding, Series
+from dynreg.data.series import STAMP_TOLERANCE, Finding, Series, clean
 
 HALF = 0.51  # share of the commands that control must keep, and a little more, for stamps are not exact
+MISSED = 0.02  # of a command's spread, by which those that control drops may go beyond those that it takes
 TOGETHER = 10  # changes over which their rate is taken: stamps that come in bunches tell no rate one by one
 
 
 def check_commands(episode: RawEpisode, spec: RecordingSpec, where: str) -> Iterator[Finding]:
     """Commands of which control at the robot's rate drops half or more. Those that a log repeats from row to row count
-    once: nothing is lost where it is sampled faster than they change.
+    once: nothing is lost where it is sampled faster than they change. Where those that are dropped lie between those
+    that are taken, as of a robot drafted from a fast log, that is told and no warning.
     """
     if spec.rate is None:
         return
     actions = {c.name for c in spec.channels if c.kind == "action"}
     rates = {name: _changes(series) for name, series in episode.channels.items() if name in actions}
-    name = max(rates, key=lambda n: rates[n], default="")
-    if not name or HALF * rates[name] <= spec.rate:
-        return
-    if coarse([episode.channels[name]]):
-        return  # that is told of the clock
+    fast = [name for name in rates if HALF * rates[name] > spec.rate]
+    lost = [
+        name for name in fast if rates[name] > FASTEST or _missed(episode.channels[name], spec.rate) > MISSED
+    ]
+    name = max(lost or fast, key=lambda n: rates[n], default="")
+    if not name or coarse([episode.channels[name]]):
+        return  # what is coarse is told of the clock
     rate = float(f"{rates[name]:.3g}")
-    do = (
-        f"set control_rate = {rate:g} in robot.toml, with a timestep of at most {step_within(rate):g} s, unless so "
-        "many are meant to be left out"
-    )
+    control = f"set control_rate = {rate:g} in robot.toml, with a timestep of at most {step_within(rate):g} s"
+    share = f"{100 * (1 - spec.rate / rate):.0f} % of them are dropped"
     if rate > FASTEST:
         do = "no robot is told so many, so correct time_unit under [map]"
-    text = (
-        f"commands come at {rate:g} Hz, control_rate is {spec.rate:g} Hz: {100 * (1 - spec.rate / rate):.0f} % of them "
-        "are dropped"
-    )
-    yield Finding("warning", "rate", f"{where}, {name}", text, do)
+    elif lost:
+        do = f"{control}, unless so many are meant to be left out"
+    else:
+        share, do = f"{share}, and lie between those that are taken", f"to take all, {control}"
+    text = f"commands come at {rate:g} Hz, control_rate is {spec.rate:g} Hz: {share}"
+    yield Finding("warning" if lost else "info", "rate", f"{where}, {name}", text, do)
 
 
 def check_targets(episode: RawEpisode, spec: RecordingSpec, where: str) -> Iterator[Finding]:
@@ -79,3 +82,16 @@ def _changes(commands: Series) -> float:
         return 0.0
     step = float(np.median(at[TOGETHER:] - at[:-TOGETHER])) / TOGETHER
     return 1.0 / step if step > 0 else 0.0
+
+
+def _missed(commands: Series, rate: float) -> float:
+    """How far commands go beyond those around them that control at a rate [Hz] takes, in their spread."""
+    known = clean(commands)
+    time = np.maximum.accumulate(known.time)  # a clock that runs back is told elsewhere
+    steps = np.ceil((time - time[0] - STAMP_TOLERANCE) * rate)
+    (taken,) = np.nonzero(np.diff(steps))  # the last before each control step
+    values = known.values[: taken[-1] + 1]
+    after = np.searchsorted(taken, np.arange(len(values)))
+    around = known.values[[taken[np.maximum(after - 1, 0)], taken[after]]]
+    beyond = np.maximum(values - around.max(axis=0), around.min(axis=0) - values)
+    return float(np.sqrt(np.mean(np.maximum(beyond, 0.0) ** 2)) / np.std(known.values))

@@ -4,13 +4,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from dynreg.data.checks.counts import ASKED, GLITCHES, counted
 from dynreg.data.outliers import bends, spikes
 from dynreg.data.schema import ChannelSpec
 from dynreg.data.series import Finding, Series
 
 TURNS = 20.0  # [rad] an angle beyond this without stated limits is worth a word
 BEYOND = 5.0  # times its limit: no scatter, another unit
-GLITCHES = 0.01  # share of a joint's positions that may be anything, as where a bus fails
 LIMIT_MARGIN = 0.01  # share of the range
 MANY = 0.25  # share of a log's rates that nobody misses without a word
 VAGUE = 0.5  # of the usual size of a rate: an error beyond it leaves little to begin a replay with
@@ -88,14 +88,16 @@ def check_range(
     bounds = [abs(b) for b in (channel.low, channel.high) if b is not None and np.isfinite(b)]
     reached, limit = (largest, max(bounds)) if bounds else _beyond_stops(values, channel.stops)
     if limit > 0 and reached > BEYOND * limit:
-        hint = "; degrees?" if channel.unit.startswith("rad") else ""
-        text = f"reaches {reached:.4g} {channel.unit}, {reached / limit:.3g} x its limit{hint}"
-        yield Finding("error", "units", where, text, "set `unit`")
+        text = f"reaches {reached:.4g} {channel.unit}, {reached / limit:.3g} x its limit"
+        other = "; degrees?" if channel.unit.startswith("rad") else "", "set `unit`"
+        asked, do = (_counts_asked(values, limit) if channel.unit == "rad" else None) or other
+        yield Finding("error", "units", where, f"{text}{asked}", do)
         return
     turned = float(np.abs(np.diff(values)).max(initial=0.0)) if followed else largest
     if channel.unit == "rad" and not bounds and turned > TURNS:
-        text = f"reaches {largest:.4g} rad, {largest / (2 * np.pi):.3g} turns: degrees?"
-        yield Finding("warning", "units", where, text)
+        text = f"reaches {largest:.4g} rad, {largest / (2 * np.pi):.3g} turns"
+        asked, do = _counts_asked(values, np.inf) or (": degrees?", "")
+        yield Finding("warning", "units", where, f"{text}{asked}", do)
     if channel.kind == "enable" and not (flags := np.isin(values, (0.0, 1.0))).all():
         text = f"a flag with values other than 0 and 1, such as {values[np.argmin(flags)]:.4g}"
         do = "correct its `source` in the map, or leave the channel out"
@@ -119,6 +121,12 @@ def check_range(
             yield Finding(
                 "warning", "wrap", f"{where}, row {int(jumps[0]) + 1}", text, "set unwrap = true in the map"
             )
+
+
+def _counts_asked(values: np.ndarray, reach: float) -> tuple[str, str] | None:
+    """The end of what is said of angles (T,) far beyond their `reach` [rad] that may be counts, and what to do."""
+    counts = counted(values, reach)
+    return (f", {counts.why}: {ASKED}", counts.do) if counts else None
 
 
 def _wraps(values: np.ndarray) -> np.ndarray:

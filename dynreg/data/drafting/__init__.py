@@ -22,7 +22,7 @@ from dynreg.data.drafting.proposed import proposed
 from dynreg.data.drafting.source import Source
 from dynreg.data.drafting.units import cut_off, degrees
 from dynreg.data.drafting.writing import Draft
-from dynreg.data.names import joint_of, quantity_of
+from dynreg.data.names import joint_of, position_of
 from dynreg.data.schema import RecordingSpec
 from dynreg.data.series import RawLog
 
@@ -112,9 +112,8 @@ def _rates(chosen: dict[str, Offer], spec: RecordingSpec, found: dict[str, Sourc
     """Velocities of which the log holds no more than the positions."""
     out = {}
     for channel in spec.channels:
-        position = f"{joint_of(channel.name)}/position"
-        wanted = quantity_of(channel.name) == "velocity" and channel.kind == "state"
-        if wanted and channel.name not in found and position in found:
+        position = position_of(channel.name)
+        if channel.kind == "state" and channel.name not in found and position in found:
             keys = {"derivative_of": position, "filter_hz": cut_off(chosen[position].series)}
             out[channel.name] = Source(keys, ("the log holds no velocity of it: the rate of its position",))
     return out

@@ -5,8 +5,9 @@ from contextlib import suppress
 
 import numpy as np
 
+from dynreg.data.checks.counts import ASKED, PAST_DEGREES, WHOLE, past_degrees, usual, whole
 from dynreg.data.checks.motion import velocity_slope
-from dynreg.data.checks.numbers import BEYOND, GLITCHES
+from dynreg.data.checks.numbers import BEYOND
 from dynreg.data.drafting.offers import Offer
 from dynreg.data.names import joint_of, quantity_of
 from dynreg.data.schema import ChannelSpec
@@ -20,10 +21,6 @@ FILTER_SHARE = 0.2  # its most, as a share of the sampling rate
 # Times that an angle in deg goes as far as one of the same joint in rad, at least: the units differ by 57.
 APART = 20.0
 BEYOND_LIMITS = "reaches {:.4g}, far beyond the joint's limits in rad: taken for degrees"
-ASKED = "counts of an encoder?"
-COUNTS = f"reaches {{:.4g}}{{}}: {ASKED} set scale = ... (radians per count){{}}"
-IMPOSSIBLE = 1.5  # times its limit that no joint goes, in whatever unit
-STEPS = 20  # values of a signal of whole numbers from which on these are many
 AS_OTHERS = "other angles of the log are in degrees: taken for degrees too, check it"
 KINDS = {  # of a unit, what it measures
     "rad": "position",
@@ -83,11 +80,11 @@ def degrees(
     counted = _counted({name: angles[name] for name in far}, reach)
     out = {name: (units[name], why) for name, why in counted.items()}
     far = {name: size for name, size in far.items() if name not in counted}
-    whole = any(_usual(angles[name]) > most[name] for name in far)
+    as_others = any(usual(angles[name].values) > most[name] for name in far)
     out |= {name: ("deg", BEYOND_LIMITS.format(size)) for name, size in far.items()}
     for name, series in angles.items():
         beside = max((size for other, size in far.items() if joint_of(other) == joint_of(name)), default=0.0)
-        if whole and name not in out and beside <= APART * largest(series):
+        if as_others and name not in out and beside <= APART * largest(series):
             out[name] = ("deg", AS_OTHERS)
     told = {**units, **{name: unit for name, (unit, _) in out.items()}}
     for name, velocity in doubted.items():
@@ -97,7 +94,7 @@ def degrees(
         slope = velocity_slope(chosen[position].series, velocity) if position in chosen else None
         if slope is not None and _alike(slope):
             out[name] = ("deg/s", "")
-        elif whole and not (slope is not None and _alike(np.degrees(slope))):
+        elif as_others and not (slope is not None and _alike(np.degrees(slope))):
             out[name] = ("deg/s", AS_OTHERS)
     return out
 
@@ -107,36 +104,19 @@ def _counted(far: Mapping[str, Series], reach: Mapping[str, float]) -> dict[str,
 
     Degrees may be whole numbers too, but nothing tells that: all are asked about where all are such numbers.
     """
+    every = all(whole(series.values) for series in far.values())
+    over = {joint_of(name) for name, s in far.items() if past_degrees(s.values, reach[joint_of(name)])}
     out = {}
-    every = all(_whole(series) for series in far.values())
-    over = {
-        joint_of(name)
-        for name, s in far.items()
-        if _usual(s) > IMPOSSIBLE * np.degrees(reach[joint_of(name)])
-    }
     for name, series in far.items():
-        if joint_of(name) in over:
-            out[name] = COUNTS.format(largest(series), ", which the joint cannot do in degrees either", "")
-        elif every:
-            out[name] = COUNTS.format(largest(series), " in whole numbers", ', or unit = "deg"')
+        told = PAST_DEGREES if joint_of(name) in over else WHOLE if every else None
+        if told is not None:
+            out[name] = f"reaches {largest(series):.4g}, {told.why}: {ASKED} {told.do}"
     return out
-
-
-def _whole(series: Series) -> bool:
-    """Whether a signal has whole numbers alone, and many of them."""
-    values = series.values[np.isfinite(series.values)]
-    return bool((values == np.round(values)).all()) and len(np.unique(values)) >= STEPS
 
 
 def _alike(slope: float) -> bool:
     """Whether a velocity on the rate of its position is in the same unit."""
     return 0.7 < slope < 1.4
-
-
-def _usual(series: Series) -> float:
-    """The largest size of a signal but for glitches; 0 where it holds no number."""
-    sizes = np.abs(series.values[np.isfinite(series.values)])
-    return float(np.quantile(sizes, 1.0 - GLITCHES)) if len(sizes) else 0.0
 
 
 def _reach(channels: Sequence[ChannelSpec]) -> dict[str, float]:

@@ -48,7 +48,7 @@ VERDICTS = {
 
 def standing(result: Diagnosis, ranked: Ranked) -> str:
     """The standing of a ranked hypothesis: the verdict of a cause, a tie with one, or why it lost."""
-    cause = result.causes[ranked.round - 1] if ranked.round <= len(result.causes) else None
+    cause = _cause_of(result, ranked)
     if cause is not None and cause.key == ranked.key:
         return VERDICTS[cause.verdict]
     if cause is not None and ranked.key in cause.equivalent:
@@ -56,6 +56,11 @@ def standing(result: Diagnosis, ranked: Ranked) -> str:
     if ranked.note:
         return ranked.note
     return "explains less" if ranked.score_nats >= result.threshold_nats else "below the threshold"
+
+
+def _cause_of(result: Diagnosis, ranked: Ranked) -> Cause | None:
+    """The cause of the round in which a hypothesis was ranked; None where that found none."""
+    return result.causes[ranked.round - 1] if ranked.round <= len(result.causes) else None
 
 
 def threshold_words(result: Diagnosis) -> str:
@@ -163,6 +168,7 @@ def signal_words(signal: str) -> str:
 def unsaid(result: Diagnosis) -> tuple[str, ...]:
     """What the recording cannot tell, and where a number says less than it seems to."""
     said = [_tie(cause) for cause in result.causes if cause.equivalent]
+    said += _parts(result)
     said += [_valley(pair) for pair in result.inseparable]
     for cause in result.causes:
         edge = [name for name, e in cause.parameters.items() if e.at_bound]
@@ -269,6 +275,20 @@ def _valley(pair: Inseparable) -> str:
         for of in (pair.cause, pair.rival)
     )
     return f"The shares of {pair.between[0]} and {pair.between[1]}: {cause} goes with {rival}."
+
+
+def _parts(result: Diagnosis) -> list[str]:
+    """What is said of those of a cause's exact group that explain less than it, and more than chance would."""
+    said = []
+    for ranked in result.ranking:
+        cause = _cause_of(result, ranked)
+        less = cause is not None and ranked.key in cause.inseparable and ranked.key not in cause.equivalent
+        if less and ranked.score_nats >= result.threshold_nats:
+            nats = f"{number(ranked.score_nats)} of the {number(cause.evidence_nats)} nats of {cause.key}"
+            said.append(
+                f"{ranked.key}, which commands alone do not separate from it, explains a part: {nats}."
+            )
+    return said
 
 
 def _tie(cause: Cause) -> str:
