@@ -280,7 +280,7 @@ def test_counts_of_an_encoder_are_told_as_a_draft_tells_them(
     swing["arm__position"] = np.round(size * swing["arm__position"] / step) * step
     found = doctor(write_table(**swing), spec)
     (said,) = [
-        f.message
+        f.told
         for f in found
         if f.check == "units" and "arm/position" in f.where and "reaches" in f.message
     ]
@@ -432,7 +432,7 @@ def test_commands_that_lie_between_those_that_control_takes_are_no_warning(
             found = doctor(write_table(**columns | {"arm__target": target}), spec)
             (told,) = [f for f in found if "commands come at" in f.message]
             assert told.severity == severity and "50 % of them are dropped" in told.message
-            assert f"set control_rate = {per_second} in robot.toml" in told.message
+            assert f"set control_rate = {per_second} in robot.toml" in told.do
 
 
 def test_commands_with_scattered_stamps_are_not_said_to_be_dropped(
