@@ -80,7 +80,9 @@ def draw(lines: list[dict], out: Path) -> Path:
         axes.spines[["top", "right"]].set_visible(False)
         axes.title.set_fontsize(9)
         axes.xaxis.label.set_fontsize(8)
-        axes.legend(frameon=False, fontsize=6, ncols=2)
+    drawn = {line.get_label(): line for axes in panels[0] for line in axes.get_lines()}
+    named = [drawn[method] for method in STYLES if method in drawn]
+    figure.legend(handles=named, loc="outside lower center", frameon=False, fontsize=7, ncols=len(named))
     panels[0, 0].set_ylabel("error, of the nominal simulator's", fontsize=8)
     out.mkdir(parents=True, exist_ok=True)
     figure.savefig(out / "methods_cost.png", dpi=100)
