@@ -280,9 +280,7 @@ def test_counts_of_an_encoder_are_told_as_a_draft_tells_them(
     swing["arm__position"] = np.round(size * swing["arm__position"] / step) * step
     found = doctor(write_table(**swing), spec)
     (said,) = [
-        f.told
-        for f in found
-        if f.check == "units" and "arm/position" in f.where and "reaches" in f.message
+        f.told for f in found if f.check == "units" and "arm/position" in f.where and "reaches" in f.message
     ]
     if limits == "none" and step < 1.0:
         assert said.endswith("turns: degrees?"), "nothing tells how far it goes"
