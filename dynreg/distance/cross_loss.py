@@ -64,8 +64,12 @@ def crossed_losses(pivots: MlpStack, inputs: np.ndarray, targets: np.ndarray) ->
         missed = predicted(models, torch.tensor(x).expand(len(pivots), *x.shape)) - torch.tensor(y)
         return missed.square_().mean((1, 2)).numpy()
 
-    # one set at a time: a loss does not depend on which others are measured with it
-    return np.array([on(*rows) for rows in zip(inputs, targets, strict=True)])
+    found = np.empty((len(inputs), len(pivots)), dtype=np.float32)
+    # One set at a time: a loss does not depend on which others are measured with it. It is copied at once, for what is
+    # kept of each product would part the memory that the next one needs: 0.4 MB an entry.
+    for at, rows in enumerate(zip(inputs, targets, strict=True)):
+        found[at] = on(*rows)
+    return found
 
 
 class CrossLoss:
