@@ -263,12 +263,12 @@ def rivals(robot: Robot, naming: Naming) -> list[str]:
 
 def not_told_apart(robot: Robot, naming: Naming, without: Sequence[str] = ()) -> list[str]:
     """Keys of what explains the data as well as a round's cause: its rivals, and those of its exact group that are as
-    good or were not scored. Where the group is exact but for how a log begins, the data do tell some of it apart.
+    good or were not fitted. Where the group is exact but for how a log begins, the data do tell some of it apart.
 
     without : as in `group_of`.
     """
     less = {s.term.key for s in naming.ranking} - {s.term.key for s in naming.as_good}
-    group = group_of(robot, naming.chosen.term, without)
+    group = group_of(robot, naming.chosen.term, (*without, *naming.small))
     return [*rivals(robot, naming), *(key for key in group if key not in less)]
 
 

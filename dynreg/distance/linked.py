@@ -2,8 +2,8 @@
 
 Who is near to a recording by cross-loss is less its likeness than an entry's own: some, hubs, are near to everybody
 (measured: of the five nearest of a quadruped among 10,000, one in eight is among its 50 nearest by embedding, three
-in eight among the 50 entries whose links are shortest). They are those whose rows every model predicts well. So the
-search knows of each entry how well some models, the pivots, predict its rows, beside its embedding and its own loss.
+in eight among the 50 entries whose links are shortest). Hubs are the entries whose rows every model predicts well. So
+the search knows of each entry how well some models, the pivots, predict its rows, beside its embedding and own loss.
 """
 
 import numpy as np
@@ -19,9 +19,8 @@ from dynreg.models.threads import single_threaded
 from dynreg.rng import stream
 
 HUBS, LIKE, RANDOM = 32, 16, 16  # entries that are judged first: hubs, the nearest by embedding, any
-SPREAD = (
-    2.0  # of embeddings and of hardness beside what else is known of entries; hardness of 3 finds as much
-)
+# of embeddings and of hardness beside what else is known of entries: a hardness of 3 finds as much
+SPREAD = 2.0
 TINY = 1e-12  # smaller losses and distances count as this
 
 
@@ -96,7 +95,8 @@ def _sought(asked: DistanceQuery, to: To, own: np.ndarray) -> Ranked:
     hard = hardness(own[allowed], asked.population.judged.crossed[allowed])
     like = np.square(vectors - asked.vector).sum(axis=1)
     drawn = stream(asked.population.shared.seed, "search").permutation(len(allowed))
-    hubs = np.argsort(hard.mean(axis=1), kind="stable")
+    easy = np.where(np.isfinite(own[allowed]), hard.mean(axis=1), np.inf)
+    hubs = np.argsort(easy, kind="stable")
     starts = (hubs[:HUBS], np.argsort(like, kind="stable")[:LIKE], drawn[:RANDOM])
 
     def missed(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -114,7 +114,7 @@ def _sought(asked: DistanceQuery, to: To, own: np.ndarray) -> Ranked:
 
 
 def hardness(own: np.ndarray, crossed: np.ndarray) -> np.ndarray:
-    """(M, K) how much worse pivots predict the rows of entries (M, K) than their own models do (M,): logarithms.
+    """(M, K) logarithms of what pivots lose on the held-out rows of entries (M, K), over their own losses (M,).
 
     A pivot that predicts no number for some entry tells nothing of any.
     """

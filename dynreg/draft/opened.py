@@ -21,9 +21,8 @@ BASE, KEY = "base", "key"  # the names of a free joint and of a keyframe that ha
 # Words in the names of sites where makers of arms mark what carries a tool: those of MuJoCo Menagerie and robosuite.
 TOOLS = frozenset("flange tool tcp ee eef effector attachment gripper grasp pinch grip hand".split())
 TIP = "tip"  # an arm has one, legs and fingers have several
-OTHERS = frozenset(
-    "foot toe leg finger thumb imu camera".split()
-)  # of something else, though it be on a hand
+# words that name something else, even on a hand
+OTHERS = frozenset("foot toe leg finger thumb imu camera".split())
 _ODD = re.compile(r"[,\[\]*?/\s]+")  # letters that `sets` entries and channel names cannot hold
 _NAMED_BY = {  # attributes that hold the name of a joint, a body or a geom
     "joint": ("joint", "joint1", "joint2", "jointinparent"),
@@ -92,12 +91,13 @@ def _discard_visual(spec: mujoco.MjSpec, name: str, notes: Notes) -> None:
 def tools_among(names: Iterable[str]) -> list[str]:
     """Those of a model's names by which makers of arms mark what carries a tool.
 
-    >>> tools_among(["tool0", "stool", "hand_camera", "arm-tip"]), tools_among(["fl_tip", "fr_tip"])
+    >>> tools_among(["tool0", "stool", "hand_camera", "arm-tip", "finger_tip"]), tools_among(["fl_tip", "fr_tip"])
     (['tool0', 'arm-tip'], [])
     """
     words = {name: {*re.split(r"[\W\d_]+", name.lower())} for name in names}
+    words = {name: own for name, own in words.items() if not own & OTHERS}
     tips = [name for name, own in words.items() if TIP in own]
-    return [n for n, own in words.items() if not own & OTHERS and (own & TOOLS or tips == [n])]
+    return [name for name, own in words.items() if own & TOOLS or tips == [name]]
 
 
 def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:

@@ -30,7 +30,7 @@ _THREADS = 2  # shards decoded side by side; beyond two, memory is the limit
 def load_population(
     directory: Directory, population_id: str, columns: Collection[str] = COLUMNS, since: int = 0
 ) -> PopulationArrays:
-    """All entries of a population, stacked; `columns` of "states", "weights" says which large arrays to read.
+    """All entries of a population, stacked. columns : which of the large arrays "states" and "weights" to read.
 
     since : number of an entry; shards that end before it are left out.
 

@@ -66,7 +66,7 @@ class Cause(EffectOn):
     evidence_nats : gain of the log-likelihood on the fit and select parts, less what its parameters cost. replaced :
     whether calibrated parameters, far from their nameplate, stand in for it: then its gain over them says little.
     equivalent : keys of the causes that explain the data as well, by what they scored or because they are of its exact
-    group and were not looked for; separate_by : the experiment that separates them.
+    group and were not fitted; separate_by : the experiment that separates them.
     inseparable : the others of its exact group, which commands alone do not separate, whatever they scored.
     gain : by how much it lowers the error on the test part; null where nothing was held out.
     """

@@ -275,11 +275,12 @@ def robot_files(ref: str | Path) -> tuple[Folder, Path]:
     if not (folder / TOML).is_file():
         here = _folders_here(packaged)
         such = f" (here: {quoted(here[:LISTED])})" if here else ""
-        near = [*here, *(name for name in packaged if f"./{name}" not in here)]
+        # a path is rather one of a folder than a packaged robot of that name
+        others = [n for n in packaged if f"./{n}" not in here or str(ref) == folder.name]
         raise RobotError(
-            f"no robot {str(ref)!r}",
+            f"no {TOML} in folder {str(ref)!r}" if folder.is_dir() else f"no robot {str(ref)!r}",
             expected=f"{one_of(packaged, ref)}, or a folder with robot.toml and its MJCF model{such}",
-            do=nearest(folder.name, near, "see `dynreg robots`"),
+            do=nearest(folder.name, [*others, *here], "see `dynreg robots`"),
         )
     return read_folder(folder, links=folder in packaged.values()), folder.resolve()
 

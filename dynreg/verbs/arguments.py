@@ -38,7 +38,8 @@ def fitting(function: Wrapped) -> Wrapped:
         for name, value in bound.arguments.items():
             own = signature.parameters[name]
             if own.annotation is not _EMPTY and not isinstance(own.annotation, str):
-                bound.arguments[name] = typed(name, own.annotation, value, own.default)
+                default = MISSING if own.default is _EMPTY else own.default
+                bound.arguments[name] = typed(name, own.annotation, value, default)
         return function(*bound.args, **bound.kwargs)
 
     return run
@@ -85,7 +86,7 @@ def optional(kind: Any) -> bool:
 
 
 def typed(name: str, kind: Any, value: Any, default: Any = MISSING) -> Any:
-    """A value as its type asks; UsageError, in which it is called `name`, for one that cannot be.
+    """A value as its type asks; UsageError, in which it is called `name`, for one that does not fit the type.
 
     A number of numpy becomes one of Python, a number where a word is asked for its digits, text that names a file its
     path, words a tuple, and one word where several may be told a tuple of it. A value of a type that is none of these
@@ -94,6 +95,8 @@ def typed(name: str, kind: Any, value: Any, default: Any = MISSING) -> Any:
     if value is None and optional(kind):
         return None
     others = [one for one in _kinds(kind) if one is not type(None)]
+    if Path in others and isinstance(value, Real):
+        others = [Path]  # a number is no word for a file
     known = [_MADE[one] for one in others if one in _MADE]
     for _, made in known:
         with suppress(TypeError):
@@ -102,7 +105,7 @@ def typed(name: str, kind: Any, value: Any, default: Any = MISSING) -> Any:
         return value
     do = "give one"
     if value is None:
-        do = "name one" if default in (MISSING, _EMPTY) else f"leave it out for {default!r}"
+        do = "name one" if default is MISSING else f"leave it out for {default!r}"
     expected = " or ".join(dict.fromkeys(what for what, _ in known))
     raise UsageError(f"{name} {value!r}", expected=expected, do=do, setting=name)
 
@@ -133,7 +136,7 @@ def _number(value: Any) -> float:
 def _word(value: Any) -> str:
     if isinstance(value, str):
         return value
-    return str(_whole(value)) if isinstance(value, Integral) else f"{_number(value):g}"
+    return str(_whole(value)) if isinstance(value, Integral) else repr(_number(value))
 
 
 def _words(value: Any) -> tuple[str, ...]:

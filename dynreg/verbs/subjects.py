@@ -38,12 +38,13 @@ def loaded_robot(
     """A robot by its packaged name or folder, with one of its [populations] where `ranges` names it.
 
     registry : where a name that is neither is looked up, as the newest version of it, and hashes are. Raises RobotError
-    where there is no such robot.
+    where there is no such robot, UsageError for what can name none.
     """
     from dynreg.sim.robot import Robot, load_robot, with_population
 
     if isinstance(robot, Robot):
         return robot if ranges is None else with_population(robot, ranges)
+    _require_word("robot", robot, "a robot's name, its folder, or a Robot")
     try:
         return load_robot(robot, ranges)
     except RobotError:
@@ -51,6 +52,12 @@ def loaded_robot(
         if kept is None:
             raise
         return load_robot(kept, ranges)
+
+
+def _require_word(what: str, value: object, expected: str) -> None:
+    """Raise UsageError for what can be no name and no path."""
+    if not isinstance(value, str | Path):
+        raise UsageError(f"{what} {value!r}", expected=expected, do="give one")
 
 
 def exists(path: str | Path) -> bool:
@@ -81,7 +88,10 @@ def read_log(
 
     progress : is called with (stage, done, total). Raises LogError or MapError.
     """
-    paths = [Path(p) for p in ([logs] if isinstance(logs, str | Path) else logs)]
+    several = list(logs) if isinstance(logs, Sequence) and not isinstance(logs, str) else [logs]
+    for one in several:
+        _require_word("log", one, "a path, or several")
+    paths = [Path(one) for one in several]
     stage = f"read and check {paths[0].name if len(paths) == 1 else f'{len(paths)} logs'}"
     report = progress or (lambda *_: None)
     report(stage, 0, 1)
@@ -173,9 +183,11 @@ def recorded(
     robot : of a registered recording, any whose channels it has; by default the one that it was ingested with under
     this name, of an id or `@last` that with which it was ingested last.
     ingest : whether a log is registered at once; where not, `Recorded.register` does it when the verb has an answer.
-    Raises NoMatchError for what is neither, UsageError for a recording that lacks what the robot needs, LogError and
-    MapError for a log that cannot be read.
+    Raises NoMatchError for what is neither, UsageError for what can name neither and for a recording that lacks what
+    the robot needs, LogError and MapError for a log that cannot be read.
     """
+    if not isinstance(reference, RecordingSummary):
+        _require_word("recording", reference, "its name or id, @last, or the path of a log")
     identity = _registered(registry, reference, robot)
     if identity is None:
         owner = loaded_robot(robot, registry=registry)

@@ -433,6 +433,18 @@ def test_commands_that_lie_between_those_that_control_takes_are_no_warning(
             assert f"set control_rate = {per_second} in robot.toml" in told.do
 
 
+@pytest.mark.parametrize("late", [1, 2, 5])
+def test_commands_of_a_clock_that_runs_back_at_first_are_not_said_to_lose_nothing(
+    write_table: Callable, servo_spec: RecordingSpec, late: int
+):
+    channels = tuple(c for c in servo_spec.channels if c.name in ("arm/position", "arm/target"))
+    columns = commanded_at(np.arange(4000) / 1000.0)
+    columns["time"][:late] = 100.0 + np.arange(late) / 1000.0
+    found = doctor(write_table(**columns), replace(servo_spec, channels=channels, settings=()))
+    assert any(f.check == "clock" for f in found)
+    assert not any("lie between those that are taken" in f.message for f in found)
+
+
 def test_commands_with_scattered_stamps_are_not_said_to_be_dropped(
     write_table: Callable, servo_spec: RecordingSpec
 ):

@@ -126,7 +126,7 @@ def test_what_explains_a_part_is_said_to_do_so_with_its_nats_and_what_explains_n
     told = result.model_copy(update=less)
     said = " ".join(unsaid(told))
     assert "explains it as well" not in flat(told) and "as well" not in said
-    part = "sensor_delay, which commands alone do not separate from it, explains a part: 21 of the 44 nats"
+    part = "sensor_delay explains a part: 21 of the 44 nats"
     assert (part in said) == (nats > told.threshold_nats) == ("sensor_delay" in said)
 
 

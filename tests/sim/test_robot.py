@@ -166,6 +166,11 @@ def test_a_name_of_no_robot_is_answered_with_the_nearest_folder_here_or_packaged
         load_robot(f"elsewhere/{ref}")
     assert error.value.do == do
     assert error.value.expected.endswith("MJCF model (here: './leg', 'my_arm')")
+    with pytest.raises(RobotError, match="no robot") as error:
+        load_robot("legs")
+    assert error.value.do == "write 'leg', which is nearest to it", "the packaged one, as it was typed"
+    with pytest.raises(RobotError, match=r"no robot.toml in folder 'no_robot'"):
+        load_robot("no_robot")
 
 
 def test_named_ranges_replace_the_parameters_own(write_robot: Callable[..., Path]):

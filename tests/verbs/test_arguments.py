@@ -118,3 +118,26 @@ def test_a_word_where_several_may_be_told_is_one_and_never_its_letters(session: 
 def test_a_value_becomes_what_its_type_asks(kind: Any, value: object, made: object) -> None:
     told = typed("it", kind, value)
     assert told == made and type(told) is type(made)
+
+
+@pytest.mark.parametrize(
+    ("ask", "said"),
+    [
+        (lambda s: s.compare(5), "recording 5; expected its name or id"),
+        (lambda s: s.diagnose(None), "recording None; expected its name or id"),
+        (lambda s: s.populate(None, n=2), "robot None; expected a robot's name"),
+        (lambda s: s.effects(4), "robot 4; expected a robot's name"),
+        (lambda s: s.ingest(None, robot="servo_pendulum"), "log None; expected a path"),
+        (lambda s: s.ingest(["a.csv", 3], robot="servo_pendulum"), "log 3; expected a path"),
+    ],
+)
+def test_what_can_name_nothing_is_told_as_such(tmp_path, ask, said):
+    with dynreg.open(tmp_path / "registry") as session, pytest.raises(UsageError) as error:
+        ask(session)
+    assert said in str(error.value)
+
+
+def test_a_number_is_no_path_and_keeps_its_digits():
+    with pytest.raises(UsageError, match="path 5; expected a path"):
+        dynreg.open(5)
+    assert typed("ref", str, 1234567.25) == "1234567.25"

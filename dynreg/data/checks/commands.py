@@ -21,7 +21,7 @@ TOGETHER = 10  # changes over which their rate is taken: stamps that come in bun
 def check_commands(episode: RawEpisode, spec: RecordingSpec, where: str) -> Iterator[Finding]:
     """Commands of which control at the robot's rate drops half or more. Those that a log repeats from row to row count
     once: nothing is lost where it is sampled faster than they change. Where those that are dropped lie between those
-    that are taken, as of a robot drafted from a fast log, that is told and no warning.
+    that are taken, as of a robot drafted from a fast log, it is an info, not a warning.
     """
     if spec.rate is None:
         return
@@ -87,9 +87,10 @@ def _changes(commands: Series) -> float:
 def _missed(commands: Series, rate: float) -> float:
     """How far commands go beyond those around them that control at a rate [Hz] takes, in their spread."""
     known = clean(commands)
-    time = np.maximum.accumulate(known.time)  # a clock that runs back is told elsewhere
-    steps = np.ceil((time - time[0] - STAMP_TOLERANCE) * rate)
+    steps = np.ceil((known.time - known.time[0] - STAMP_TOLERANCE) * rate)
     (taken,) = np.nonzero(np.diff(steps))  # the last before each control step
+    if not len(taken) or np.any(np.diff(known.time) < 0):
+        return np.inf  # where a clock runs back, which is told elsewhere, nobody knows what is taken
     values = known.values[: taken[-1] + 1]
     after = np.searchsorted(taken, np.arange(len(values)))
     around = known.values[[taken[np.maximum(after - 1, 0)], taken[after]]]

@@ -12,7 +12,7 @@ STEPS = 20  # values of a signal of whole numbers from which on these are many
 
 @dataclass(frozen=True)
 class Counted:
-    """That angles may be counts. why : it is asked. do : what the map then says."""
+    """Why angles may be counts, and what the map then says."""
 
     why: str
     do: str

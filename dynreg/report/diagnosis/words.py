@@ -285,9 +285,7 @@ def _parts(result: Diagnosis) -> list[str]:
         less = cause is not None and ranked.key in cause.inseparable and ranked.key not in cause.equivalent
         if less and ranked.score_nats >= result.threshold_nats:
             nats = f"{number(ranked.score_nats)} of the {number(cause.evidence_nats)} nats of {cause.key}"
-            said.append(
-                f"{ranked.key}, which commands alone do not separate from it, explains a part: {nats}."
-            )
+            said.append(f"{ranked.key} explains a part: {nats}. Commands alone do not separate the two.")
     return said
 
 

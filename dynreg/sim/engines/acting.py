@@ -281,7 +281,7 @@ def commanded(
         return u
     if clock.step == clock.substep == 0 and clock.before is not None:
         _recall([a for a in active if a.effect.recalls], measured, v, clock)
-    return _told(active, u, measured, v, clock)
+    return _after_effects(active, u, measured, v, clock)
 
 
 def _recall(active: list[Acting], measured: np.ndarray, v: np.ndarray, clock: Clock) -> None:
@@ -297,14 +297,14 @@ def _recall(active: list[Acting], measured: np.ndarray, v: np.ndarray, clock: Cl
     for step in range(last, 0):
         for substep in range(clock.substeps.max()):
             clock.step, clock.substep = step, substep
-            _told(active, clock.told[:, step], measured, v, clock)
+            _after_effects(active, clock.told[:, step], measured, v, clock)
         if not any(a.moment.memory for a in active):
             break
     clock.step = clock.substep = 0
     clock.show(active)
 
 
-def _told(
+def _after_effects(
     active: list[Acting], u: np.ndarray, measured: np.ndarray, v: np.ndarray, clock: Clock
 ) -> np.ndarray:
     u = u.copy()
