@@ -433,7 +433,7 @@ def test_commands_that_lie_between_those_that_control_takes_are_no_warning(
             assert f"set control_rate = {per_second} in robot.toml" in told.do
 
 
-@pytest.mark.parametrize("late", [1, 2, 5])
+@pytest.mark.parametrize("late", [2, 5])  # a single stale stamp is dropped
 def test_commands_of_a_clock_that_runs_back_at_first_are_not_said_to_lose_nothing(
     write_table: Callable, servo_spec: RecordingSpec, late: int
 ):
