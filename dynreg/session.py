@@ -1,6 +1,7 @@
 """The Python door to a registry: `dynreg.open(path)` and what can be asked of it."""
 
 import os
+import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -69,8 +70,20 @@ _CALIBRATE = Verb(calibrate, CalibrateSettings, "recording", several=True, keeps
 
 
 def place(path: str | Path | None) -> Path:
-    """Where the registry is: `path`, else DYNREG_REGISTRY, else ./dynreg-registry, with `~` for a home."""
-    return expanded(path or os.environ.get("DYNREG_REGISTRY") or DEFAULT)
+    """Where the registry is: `path`, else DYNREG_REGISTRY, else ./dynreg-registry, with `~` for a home.
+
+    Raises UsageError for the address of a server.
+    """
+    from dynreg.errors import UsageError
+
+    told = path or os.environ.get("DYNREG_REGISTRY") or DEFAULT
+    if re.match(r"[a-z][a-z0-9+]+:/", str(told)):  # a path has lost one of the two strokes
+        raise UsageError(
+            f"registry {str(told)!r}",
+            expected="a folder on this machine",
+            do="join a shared registry by `dynreg init --registry FOLDER --catalog URL --blobs URI`, and name FOLDER",
+        )
+    return expanded(told)
 
 
 @fitting

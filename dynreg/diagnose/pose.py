@@ -23,6 +23,7 @@ from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot, require_commands
 
 FEWEST = 50  # measured rows in each of fit and select, by contract: fewer samples identify no cause
+PIECES = 6  # of an episode: one to test, and some to fit and to select by
 STANDS = 0.05  # rad (m) by which joints may differ from the settled reset pose: more is another pose
 
 
@@ -44,8 +45,8 @@ def pose(
     if not split.select.any():
         raise LogError(
             f"no rollout remains for the select part{why}",
-            expected="at least two episodes besides the held-out ones",
-            do="record more episodes, hold out fewer, or cut shorter rollouts with --horizon",
+            expected="at least two episodes, or pieces of one, besides those that are held out",
+            do=f"hold out fewer, or {_more_rollouts(robot, recording)}",
         )
     _check_length(robot, cut, split, why)
     if options.windows:
@@ -82,10 +83,19 @@ def _cut(robot: Robot, recording: Recording, options: DiagnosisOptions) -> tuple
     if len(cut) < 2:
         raise LogError(
             f"the recording makes {len(cut)} rollout of {horizon:g} s{why}",
-            expected="at least two: one to fit, one to select by, and a third to test the result",
-            do="record more episodes, or cut shorter rollouts with --horizon",
+            expected="at least two, one to fit and one to select by; a third tests the result",
+            do=_more_rollouts(robot, recording),
         )
     return cut, why
+
+
+def _more_rollouts(robot: Robot, recording: Recording) -> str:
+    """What makes more rollouts of a recording: a horizon of which its longest episode has some, where one has steps."""
+    longest = max((float(np.ptp(e.time)) for e in recording.episodes if len(e.time)), default=0.0)
+    rate, horizon = robot.file.robot.control_rate, float(f"{longest / PIECES:.2g}")
+    if rate is not None and horizon * rate < 2:
+        return "record longer, or more episodes"
+    return f"cut them with --horizon {horizon:g} (the longest episode lasts {longest:.3g} s), or record more episodes"
 
 
 def _check_length(robot: Robot, cut: Windows, split: Parts, why: str) -> None:

@@ -280,7 +280,9 @@ def robot_files(ref: str | Path) -> tuple[Folder, Path]:
         raise RobotError(
             f"no {TOML} in folder {str(ref)!r}" if folder.is_dir() else f"no robot {str(ref)!r}",
             expected=f"{one_of(packaged, ref)}, or a folder with robot.toml and its MJCF model{such}",
-            do=nearest(folder.name, [*others, *here], "see `dynreg robots`"),
+            do="draft one with `dynreg robots init`, or name another folder"
+            if folder.is_dir()
+            else nearest(folder.name, [*others, *here], "see `dynreg robots`"),
         )
     return read_folder(folder, links=folder in packaged.values()), folder.resolve()
 

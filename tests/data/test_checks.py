@@ -19,6 +19,7 @@ from dynreg.data.series import Series
 from dynreg.errors import LogError, MapError
 
 Columns = dict[str, np.ndarray]
+COUNTS = "(radians per count) and offset = ... (so that the joint's zero is 0)"
 
 
 def clock_back(c: Columns) -> None:
@@ -257,9 +258,9 @@ def test_degrees_are_told_by_the_stops_of_the_model(
 @pytest.mark.parametrize(
     ("size", "step", "told", "do"),
     [
-        (2048.0, 1.0, "which the joint cannot do in degrees either", "(radians per count)"),
-        (2048.0, 0.1, "which the joint cannot do in degrees either", "(radians per count)"),
-        (90.0, 1.0, "in whole numbers", '(radians per count), or unit = "deg"'),
+        (2048.0, 1.0, "which the joint cannot do in degrees either", COUNTS),
+        (2048.0, 0.1, "which the joint cannot do in degrees either", COUNTS),
+        (90.0, 1.0, "in whole numbers", f'{COUNTS}, or unit = "deg"'),
     ],
 )
 @pytest.mark.parametrize("limits", ["stated", "stops", "none"])
@@ -285,10 +286,7 @@ def test_counts_of_an_encoder_are_told_as_a_draft_tells_them(
     if limits == "none" and step < 1.0:
         assert said.endswith("turns: degrees?"), "nothing tells how far it goes"
     elif limits == "none":
-        assert (
-            ', in whole numbers: counts of an encoder?; set scale = ... (radians per count), or unit = "deg"'
-            in said
-        )
+        assert f', in whole numbers: counts of an encoder?; set scale = ... {COUNTS}, or unit = "deg"' in said
     else:
         assert said.endswith(f", {told}: counts of an encoder?; set scale = ... {do}")
 

@@ -169,7 +169,9 @@ def test_a_name_of_no_robot_is_answered_with_the_nearest_folder_here_or_packaged
     with pytest.raises(RobotError, match="no robot") as error:
         load_robot("legs")
     assert error.value.do == "write 'leg', which is nearest to it", "the packaged one, as it was typed"
-    with pytest.raises(RobotError, match=r"no robot.toml in folder 'no_robot'"):
+    with pytest.raises(
+        RobotError, match=r"no robot.toml in folder 'no_robot'.*draft one with `dynreg robots init`"
+    ):
         load_robot("no_robot")
 
 

@@ -141,3 +141,11 @@ def test_a_number_is_no_path_and_keeps_its_digits():
     with pytest.raises(UsageError, match="path 5; expected a path"):
         dynreg.open(5)
     assert typed("ref", str, 1234567.25) == "1234567.25"
+
+
+@pytest.mark.parametrize("place", ["postgresql://me@db.lab/robots", Path("s3://robots/registry")])
+def test_the_address_of_a_server_makes_no_folder(place, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UsageError, match="expected a folder on this machine; join a shared registry by"):
+        dynreg.open(place)
+    assert not list(tmp_path.iterdir())

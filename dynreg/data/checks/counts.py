@@ -18,7 +18,7 @@ class Counted:
     do: str
 
 
-SCALE = "set scale = ... (radians per count)"
+SCALE = "set scale = ... (radians per count) and offset = ... (so that the joint's zero is 0)"
 PAST_DEGREES = Counted("which the joint cannot do in degrees either", SCALE)
 WHOLE = Counted("in whole numbers", f'{SCALE}, or unit = "deg"')
 
