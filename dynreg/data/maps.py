@@ -17,6 +17,7 @@ from dynreg.errors import MapError, one_of, quoted
 from dynreg.tomlfile import parse_toml, read_toml
 
 DEFAULT_GAP = 0.5  # [s] a longer silence is a gap
+SHOWN = 8  # missing columns that are named
 
 
 class _Strict(BaseModel):
@@ -351,12 +352,14 @@ def identity_map(spec: RecordingSpec, log: RawLog) -> LogMap:
     for channel in spec.channels:
         if channel.name in log.labels and channel.name not in log.sources:
             raise of_text(log, channel.name)
-        if not channel.optional and channel.name not in log.sources:
-            raise MapError(
-                f"{log.path.name!r}: the log has no column {channel.name!r}",
-                expected=f"columns named like the robot's channels, not {list(log.sources)[:20]}",
-                do="draft a map with `dynreg doctor LOG --robot ROBOT --draft-map map.toml`, and pass it with --map",
-            )
+    lost = [c.name for c in spec.channels if not c.optional and c.name not in log.sources]
+    if lost:
+        more = f" and {len(lost) - SHOWN} more" * (len(lost) > SHOWN)
+        raise MapError(
+            f"{log.path.name!r}: the log has no column {', '.join(map(repr, lost[:SHOWN]))}{more}",
+            expected=f"a column for each of the robot's channels; it has {', '.join(map(repr, [*log.sources][:20]))}",
+            do="draft a map with `dynreg doctor LOG --robot ROBOT --draft-map map.toml`, and pass it with --map",
+        )
     episodes = {"by": "column", "column": "episode"} if "episode" in {**log.sources, **log.labels} else {}
     return LogMap.model_validate(
         {

@@ -1,5 +1,6 @@
 """A map that is wrong says where; a map that is right converts as it says."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -206,3 +207,11 @@ def test_a_setting_with_an_offset(write_table, swing, servo_spec):
     log_map = LogMap.model_validate({"channels": {n: {"source": n} for n in names}, "settings": told})
     recording = read_recording(write_table(**swing), servo_spec, log_map)
     assert recording.episodes[0].settings["kp"] == 180.0
+
+
+def test_all_columns_that_a_log_without_a_map_lacks_are_named(
+    write_table: Callable, swing: dict[str, np.ndarray], servo_spec: RecordingSpec
+):
+    del swing["arm__velocity"], swing["arm__target"]
+    with pytest.raises(MapError, match="has no column 'arm/velocity', 'arm/target'; .*it has 'arm/position'"):
+        read_recording(write_table(**swing), servo_spec)
