@@ -484,3 +484,16 @@ def test_a_rate_that_was_computed_is_not_compared_with_its_own_position():
         velocity = replace(Series(time, twice), error=error)
         episode = RawEpisode("1", "log.csv", {"arm/position": position, "arm/velocity": velocity})
         assert len(list(velocities(episode, "log.csv"))) == told
+
+
+def test_a_velocity_a_thousand_times_too_large_may_be_a_clock_of_milliseconds():
+    time = np.arange(1000) / 50.0
+    for factor, said in ((1000.0, True), (180.0 / np.pi, False)):
+        channels = {
+            "arm/position": Series(time, np.sin(time)),
+            "arm/velocity": Series(time, factor * np.cos(time)),
+        }
+        (found,) = velocities(RawEpisode("1", "log.csv", channels), "log.csv")
+        assert (
+            ("in thousandths, or the clock is" in found.message) == ('time_unit = "ms"' in found.do) == said
+        )

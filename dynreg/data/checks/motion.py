@@ -15,11 +15,12 @@ STUCK_SHARE, STUCK_SECONDS = 0.2, 1.0
 IN_VAIN = 3.0  # times what moved the joint elsewhere: neither friction nor a load holds it then
 STUCK_WAY = 0.1  # way of the velocity, as a share of how far the position goes in all
 AGREEMENT = (0.7, 1.4)  # slope of a velocity channel on the derivative of its position
+THOUSANDTHS = "thousandths"
 MISTAKES: Mapping[str, float] = {
     "deg": 180 / np.pi,
     "rpm": 60 / (2 * np.pi),
     "turns": 1 / (2 * np.pi),
-    "milli-": 1000.0,
+    THOUSANDTHS: 1000.0,
 }
 
 
@@ -102,8 +103,13 @@ def velocities(episode: RawEpisode, where: str) -> Iterator[Finding]:
             continue
         unit = next((u for u, k in MISTAKES.items() for f in (k, 1 / k) if 0.85 < slope / f < 1.15), None)
         text = f"is {slope:.3g} times the rate of its position"
-        text += f": one of the two is in {unit}" if unit else ""
         do = "set `unit`" if unit else "check its sign and unit"
+        if unit == THOUSANDTHS:
+            unit, do = (
+                f"{unit}, or the clock is",
+                'set time_unit = "ms" under [map], or `scale` of that channel',
+            )
+        text += f": one of the two is in {unit}" if unit else ""
         yield Finding("error" if unit else "warning", "units", f"{where}, {name}", text, do)
 
 
