@@ -1,7 +1,7 @@
 """The subjects of verbs: robots, logs, recordings and populations, found by name, id or path."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -88,7 +88,7 @@ def read_log(
 
     progress : is called with (stage, done, total). Raises LogError or MapError.
     """
-    several = list(logs) if isinstance(logs, Sequence) and not isinstance(logs, str) else [logs]
+    several = list(logs) if isinstance(logs, Iterable) and not isinstance(logs, str | bytes) else [logs]
     for one in several:
         _require_word("log", one, "a path, or several")
     paths = [Path(one) for one in several]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import dynreg
-from dynreg.errors import UsageError
+from dynreg.errors import LogError, UsageError
 from dynreg.session import Session
 from dynreg.verbs.arguments import typed
 
@@ -149,3 +149,12 @@ def test_the_address_of_a_server_makes_no_folder(place, tmp_path, monkeypatch):
     with pytest.raises(UsageError, match="expected a folder on this machine; join a shared registry by"):
         dynreg.open(place)
     assert not list(tmp_path.iterdir())
+
+
+def test_logs_may_come_one_by_one(tmp_path):
+    bad = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    with dynreg.open(tmp_path / "registry") as session:
+        with pytest.raises(LogError, match="a.csv"):  # it is looked for: a generator is several logs
+            session.ingest((path for path in bad), robot="servo_pendulum")
+        with pytest.raises(UsageError, match="log b'a.csv'; expected a path"):
+            session.ingest(b"a.csv", robot="servo_pendulum")
