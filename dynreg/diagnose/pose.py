@@ -90,7 +90,7 @@ def _cut(robot: Robot, recording: Recording, options: DiagnosisOptions) -> tuple
 
 
 def _more_rollouts(robot: Robot, recording: Recording) -> str:
-    """How to get more rollouts: a horizon that cuts the longest episode in six, or a longer log where it is too short."""
+    """How to get more rollouts: by a horizon that cuts the longest episode in six, or else by a longer log."""
     longest = max((float(np.ptp(e.time)) for e in recording.episodes if len(e.time)), default=0.0)
     rate, horizon = robot.file.robot.control_rate, float(f"{longest / PIECES:.2g}")
     if rate is not None and horizon * rate < 2:
