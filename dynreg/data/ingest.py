@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from dynreg.data.behaviour import check_behaviour
-from dynreg.data.checks import check_clocks, check_episode, check_numbers, check_spikes, errors
+from dynreg.data.checks import check_clocks, check_episode, check_lengths, check_numbers, check_spikes, errors
 from dynreg.data.checks.clock import coarse
 from dynreg.data.clocks import Span, laid
 from dynreg.data.drafting import as_logged
@@ -227,6 +227,7 @@ def _mapped(
         for episode in _episodes(log, maps[-1], spec, len(files) > 1):
             episodes.append(replace(episode, log=number))
             findings += check_episode(episode, spec, _gap(log_map))
+    findings += check_lengths(episodes, spec)
     findings += check_behaviour(episodes, spec, findings)
     return episodes, findings, max(maps, key=lambda one: one.episodes.by == "column")
 

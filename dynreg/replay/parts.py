@@ -12,6 +12,11 @@ from dynreg.replay.windows import Windows
 from dynreg.rng import stream
 from dynreg.sim.robot import Robot
 
+CUT = (
+    "give horizon in [replay] of robot.toml, at most a quarter of the episode (it cuts none of a robot on feet"
+    ' with base = "keyframe")'
+)  # what to do where one rollout cannot be parted
+
 
 @dataclass(frozen=True)
 class Parts:
@@ -55,11 +60,7 @@ def parts(
     test = _test_groups(recording, windows, groups, numbers, hold_out, seed)
     rest = np.setdiff1d(numbers, test)
     if not len(rest):
-        cut = (
-            "give horizon in [replay] of robot.toml, at most a quarter of the episode (it cuts none of a robot on feet"
-            ' with base = "keyframe")'
-        )
-        less = "hold out less" if len(numbers) > 1 else cut
+        less = "hold out less" if len(numbers) > 1 else CUT
         raise UsageError(
             f"hold-out {hold_out!r} leaves nothing to choose by",
             expected="a part of the episodes",

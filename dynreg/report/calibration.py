@@ -7,10 +7,11 @@ from rich.console import Group
 from rich.text import Text
 
 from dynreg.errors import command
+from dynreg.replay.parts import CUT
 from dynreg.report import on_robot
 from dynreg.report.drawing import Chart, chart, estimate_track
 from dynreg.report.grid import estimate_table, table
-from dynreg.report.words import cost_words, count, held_out_words, number
+from dynreg.report.words import cost_words, count, held_out_words, number, to_hold_out
 from dynreg.results.calibration import Calibration
 
 POOR = 0.5  # of the motion: what errs more predicts less than half of it
@@ -109,7 +110,7 @@ def _tries(result: Calibration) -> Iterator[str]:
     if same and all(same):
         yield "Nothing better was found than what it began with: raise --budget, or try another method."
     if result.test_error is None:
-        yield "Give --hold-out, so that an error on other episodes tells whether it carries over."
+        yield to_hold_out(result.parts or {}, CUT)
     else:
         named = result.recording_name or result.recording[:12]
         yield f"Compare: {command('compare', named, '--with', f'nominal,{result.simulator[:12]}')}"

@@ -6,9 +6,18 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from dynreg.errors import NoMatchError, command
+from dynreg.replay.parts import CUT
 from dynreg.report.drawing import Track, estimate_track, traces
 from dynreg.report.grid import estimate_table, table
-from dynreg.report.words import NOT_SCORED, channel_words, cost_words, count, held_out_words, interval_words
+from dynreg.report.words import (
+    NOT_SCORED,
+    channel_words,
+    cost_words,
+    count,
+    held_out_words,
+    interval_words,
+    to_hold_out,
+)
 from dynreg.results.neighbours import Neighbours
 from dynreg.results.result import change
 from dynreg.results.sentence import change_interval, gain_words
@@ -78,14 +87,7 @@ def next_steps(result: Neighbours) -> tuple[str, ...]:
     if result.unended:
         steps.append("Search on: ask again with twice the --budget.")
     if not result.parts.get("test"):
-        few = sum(map(len, result.parts.values())) < 3
-        do = (
-            "give [replay] of robot.toml a horizon that cuts episodes into windows (it cuts none of a robot on feet"
-            ' with base = "keyframe")'
-            if few
-            else "use --hold-out"
-        )
-        steps.append(f"Nothing was held out. Record more episodes, or {do}.")
+        steps.append(to_hold_out(result.parts, CUT))
     if result.fits is not False and (result.unclear or result.unended):
         steps.append(f"Ask what all of them lack: {diagnose}")
     elif result.untested:

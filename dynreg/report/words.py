@@ -8,6 +8,7 @@ from dynreg.results.diagnosis import EffectEstimate
 from dynreg.results.result import Cost, Estimate, Interval
 
 SHOWN_EPISODES = 6
+FEWEST_PARTED = 3  # rollouts of which one can be held out
 NOT_SCORED = (
     "Channels not scored have weight 0 in robot.toml, or hold still. Overall error and gain leave them out."
 )
@@ -95,6 +96,18 @@ def held_out_words(parts: Mapping[str, Sequence[str]]) -> str:
     runs = "the one run that was" if len(every) == 1 else "runs that were"
     pieces = "a piece" if len(test) == 1 else "pieces"
     return f"Held out: {shown}, {pieces} of {runs} fitted as well. How it does in another run was not tested."
+
+
+def to_hold_out(parts: Mapping[str, Sequence[str]], cut: str) -> str:
+    """What to do where nothing was held out; cut : how to make more rollouts, for of two none can be held out.
+
+    >>> to_hold_out({"fit": ("a", "b"), "select": ("c",)}, "cut them shorter")
+    'Nothing was held out. Record more episodes, or use --hold-out.'
+    >>> to_hold_out({"fit": ("a",), "select": ("b",)}, "cut them shorter")
+    'Nothing was held out. Record more episodes, or cut them shorter.'
+    """
+    few = sum(map(len, parts.values())) < FEWEST_PARTED
+    return f"Nothing was held out. Record more episodes, or {cut if few else 'use --hold-out'}."
 
 
 def first_of(problems: Sequence[str]) -> tuple[str, str, str]:

@@ -545,10 +545,11 @@ DIAGNOSES = [
     Bad(
         "diagnose a log of two rows an episode",
         DIAGNOSE,
-        "2 measured rows",
+        "less than 10 steps",
         files=_csv(_rows(lambda i, e: i < 2)),
     ),
-    Bad("diagnose a log of 0.05 s", DIAGNOSE, "measured rows", files=_csv(_rows(lambda i, e: i < 5))),
+    Bad("diagnose a log of 0.05 s", DIAGNOSE, "less than 10 steps", files=_csv(_rows(lambda i, e: i < 5))),
+    Bad("diagnose a log of 0.15 s", DIAGNOSE, "measured rows", files=_csv(_rows(lambda i, e: i < 16))),
     Bad(
         "diagnose one episode in one rollout",
         DIAGNOSE,

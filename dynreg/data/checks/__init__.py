@@ -1,19 +1,22 @@
 """Checks of a log: clocks, gaps, numbers, units, limits."""
 
 import json
-from collections.abc import Iterable, Iterator
+import math
+from collections.abc import Iterable, Iterator, Sequence
 
 from dynreg.data.base_frame import check_frame
-from dynreg.data.checks.clock import check_clocks
+from dynreg.data.checks.clock import FASTEST, check_clocks
 from dynreg.data.checks.commands import check_commands, check_targets
 from dynreg.data.checks.motion import stuck, velocities
 from dynreg.data.checks.numbers import check_numbers, check_range, check_spikes
 from dynreg.data.episodes import RawEpisode
 from dynreg.data.names import quantity_of
 from dynreg.data.schema import RecordingSpec
-from dynreg.data.series import Finding
+from dynreg.data.series import Finding, Series
 
-__all__ = ["check_clocks", "check_episode", "check_numbers", "check_spikes", "errors"]
+__all__ = ["check_clocks", "check_episode", "check_lengths", "check_numbers", "check_spikes", "errors"]
+
+STEPS = 10  # of control, that an episode lasts at least
 
 
 def check_episode(episode: RawEpisode, spec: RecordingSpec, gap: float) -> tuple[Finding, ...]:
@@ -56,19 +59,42 @@ def check_episode(episode: RawEpisode, spec: RecordingSpec, gap: float) -> tuple
     return tuple(findings)
 
 
+def check_lengths(episodes: Sequence[RawEpisode], spec: RecordingSpec) -> Iterator[Finding]:
+    """Episodes of a few control steps: warnings beside longer ones, errors where there are no others."""
+    if spec.rate is None:
+        return
+    lasting = {f"{e.file}, episode {e.name}": _lasts(_states(e, spec)) for e in episodes}
+    short = {where: duration for where, duration in lasting.items() if duration * spec.rate < STEPS}
+    severity = "error" if len(short) == len(lasting) else "warning"
+    for where, duration in short.items():
+        text = f"lasts {duration:.3f} s, less than {STEPS} steps at {spec.rate:g} Hz"
+        yield Finding(severity, "short", where, text, "record longer" if severity == "error" else "")
+
+
+def _states(episode: RawEpisode, spec: RecordingSpec) -> list[Series]:
+    """What was measured in an episode."""
+    return [episode.channels[c.name] for c in spec.channels if c.name in episode.channels and not c.hold]
+
+
+def _lasts(states: Sequence[Series]) -> float:
+    """How long all signals are known [s]; without end where another check tells why none can say it.
+
+    Those are a signal of fewer than two rows, and a clock in another unit: rows that come too fast for any log.
+    """
+    known = [s.time[-1] - s.time[0] for s in states if len(s) > 1]
+    fast = any((len(s) - 1) > FASTEST * (s.time[-1] - s.time[0]) for s in states)
+    return float(min(known)) if states and len(known) == len(states) and not fast else math.inf
+
+
 def _short(episode: RawEpisode, spec: RecordingSpec, where: str) -> Iterator[Finding]:
-    states = [episode.channels[c.name] for c in spec.channels if c.name in episode.channels and not c.hold]
+    states = _states(episode, spec)
     if not states:
         return
-    duration = min(s.time[-1] - s.time[0] if len(s) else 0.0 for s in states)
+    duration = _lasts(states)
     rows = min(len(s) for s in states)
     if rows < 2:
         yield Finding("error", "short", where, f"{rows} samples; at least 2 are needed")
-    elif spec.rate is not None and duration * spec.rate < 10:
-        yield Finding(
-            "warning", "short", where, f"lasts {duration:.3f} s, less than 10 steps at {spec.rate:g} Hz"
-        )
-    elif spec.rate is not None and rows < 0.1 * duration * spec.rate:
+    elif spec.rate is not None and rows < 0.1 * duration * spec.rate < math.inf:
         text = f"{rows / duration:.3g} samples/s for {spec.rate:g} Hz of control: is the clock in seconds?"
         yield Finding("warning", "rate", where, text, "if not, set time_unit under [map]")
 

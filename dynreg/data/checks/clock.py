@@ -14,6 +14,7 @@ STANDSTILL_ROWS = 10  # rows with one and the same stamp that make a stopped clo
 SHARED = 0.1  # share of the rows with the stamp of the row before, from which on stamps are coarse
 ALIKE = 3.0  # times the usual number of rows with one stamp that a coarse clock may stay at one
 WHOLE = 0.01  # of the step of a coarse clock, by which its steps may miss a whole number of that
+NEAR = 5.0  # of the usual step, by which rows that changed places lie apart at most
 STAMPS = "mend it, or write the stamps with more digits"
 JITTER = 3.0  # 99th percentile over median period
 SLOW_STEP = 2.0  # [s] between rows: a clock in another unit, where nothing tells that it counts seconds
@@ -102,7 +103,7 @@ def check_clock(
             f"{where}, row {row}",
             f"the clock runs back by {-steps[row - 1]:.6g} s at {time[row - 1]:.6f} s "
             f"({len(back)} time{'s' * (len(back) > 1)})",
-            'mend it, or split there with by = "gaps" under [episodes]',
+            _to_mend(time),
         )
     equal = steps == 0
     if equal.any():
@@ -124,6 +125,15 @@ def check_clock(
         if late > JITTER * median:
             text = f"uneven stamps: median {1e3 * median:.3g} ms, 99 % below {1e3 * late:.3g} ms"
             yield Finding("info", "jitter", where, text)
+
+
+def _to_mend(time: np.ndarray) -> str:
+    """What to do with stamps (T,) that run back: rows in a wrong order are sorted, runs one after another are split."""
+    steps, back = np.diff(np.sort(time)), -np.diff(time).min()
+    usual = float(np.median(steps))
+    if (np.diff(time) <= 0).all() or (back < NEAR * usual and steps.min() > usual / NEAR):
+        return "rows are out of order: sort them by their stamps"
+    return 'mend it, or split there with by = "gaps" under [episodes]'
 
 
 def coarse(signals: Iterable[Series]) -> Coarse | None:

@@ -4,7 +4,7 @@ import math
 
 from dynreg.data.units import suffix
 from dynreg.errors import command
-from dynreg.report.words import count, interval, number
+from dynreg.report.words import count, interval, number, to_hold_out
 from dynreg.results.diagnosis import (
     Cause,
     Diagnosis,
@@ -204,7 +204,7 @@ def diagnosis_steps(result: Diagnosis) -> tuple[str, ...]:
     if result.verdict == "unknown":
         steps.append(f"Check the log first: {command('doctor', 'LOG', '--robot', result.robot)}")
     if not result.parts.get("test"):
-        steps.append("Record more episodes, or name some with --hold-out.")
+        steps.append(to_hold_out(result.parts, "give a shorter --horizon"))
     if result.extended_simulator and not result.worse and helping(result):
         steps.append(_export("extended", result.extended_simulator))
     elif worse_on_most(result) and main_parameters(result):
