@@ -72,10 +72,12 @@ _CALIBRATE = Verb(calibrate, CalibrateSettings, "recording", several=True, keeps
 def place(path: str | Path | None) -> Path:
     """Where the registry is: `path`, else DYNREG_REGISTRY, else ./dynreg-registry, with `~` for a home.
 
-    Raises UsageError for the address of a server.
+    Raises UsageError for the address of a server, and for "".
     """
     from dynreg.errors import UsageError
 
+    if path is not None and not str(path):
+        raise UsageError("registry ''", expected="a folder", do=f"name one, or leave it out for {DEFAULT!r}")
     told = path or os.environ.get("DYNREG_REGISTRY") or DEFAULT
     if re.match(r"[a-z][a-z0-9+]+:/", str(told)):  # a path has lost one of the two strokes
         raise UsageError(

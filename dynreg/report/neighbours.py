@@ -141,6 +141,14 @@ def tables(result: Neighbours) -> Group:
     return Group(*parts)
 
 
+def neighbour_words(result: Neighbours) -> str:
+    """What the simulators of the table are: the nearest ones, or those of the nearest that replay best."""
+    number, by = len(result.neighbours), f"by the distance {result.distance}"
+    if any(s.stage == "replayed" for s in result.stages):
+        return f"best {number} by replay error, of the nearest {by}"
+    return f"{count(number, 'nearest neighbour')} {by}"
+
+
 def _neighbour_table(result: Neighbours) -> RenderableType:
     """One column for each neighbour, so that any number of parameters fits the width."""
     shown = result.neighbours[:SHOWN_NEIGHBOURS]
@@ -152,8 +160,7 @@ def _neighbour_table(result: Neighbours) -> RenderableType:
         ("replay error", "", result.nominal.replay_error, *(n.replay_error for n in shown)),
         *((p, units.get(p, ""), nominal[p], *(n.parameters.get(p) for n in shown)) for p in nominal),
     ]
-    title = f"{count(len(result.neighbours), 'nearest neighbour')} by the distance {result.distance}"
-    title += f" (the first {len(shown)} shown)" if more else ""
+    title = neighbour_words(result) + (f" (the first {len(shown)} shown)" if more else "")
     return table(("", "unit", "nominal", *(f"#{n.index}" for n in shown)), rows, title)
 
 
@@ -187,6 +194,7 @@ def page(result: Neighbours) -> dict[str, Any]:
     part = "test part" if shown == "test" else "fit and select parts"
     return {
         "result": result,
+        "near": neighbour_words(result),
         "title": f"{result.recording_name} · {result.robot}",
         "verdict": verdict(result),
         "comparison": comparison(result),

@@ -97,7 +97,8 @@ def typed(name: str, kind: Any, value: Any, default: Any = MISSING) -> Any:
     others = [one for one in _kinds(kind) if one is not type(None)]
     if Path in others and isinstance(value, Real):
         others = [Path]  # a number is no word for a file
-    known = [_MADE[one] for one in others if one in _MADE]
+    kinds = [Callable if get_origin(one) is Callable else one for one in others]
+    known = [_MADE[one] for one in kinds if one in _MADE]
     for _, made in known:
         with suppress(TypeError):
             return made(value)
@@ -108,6 +109,17 @@ def typed(name: str, kind: Any, value: Any, default: Any = MISSING) -> Any:
         do = "name one" if default is MISSING else f"leave it out for {default!r}"
     expected = " or ".join(dict.fromkeys(what for what, _ in known))
     raise UsageError(f"{name} {value!r}", expected=expected, do=do, setting=name)
+
+
+def require(name: str, value: object, kind: type) -> None:
+    """Hold a value against a class that its caller imports; UsageError, in which it is called `name`, for another."""
+    if not isinstance(value, kind):
+        raise UsageError(
+            f"{name} {value!r}",
+            expected=f"a {kind.__module__}.{kind.__name__}",
+            do="give one, or leave it out",
+            setting=name,
+        )
 
 
 def _kinds(kind: Any) -> tuple[Any, ...]:
@@ -145,12 +157,19 @@ def _words(value: Any) -> tuple[str, ...]:
     return tuple(map(_word, value))
 
 
+def _function(value: Any) -> Callable[..., Any]:
+    if not callable(value):
+        raise TypeError
+    return value
+
+
 _MADE: Mapping[Any, tuple[str, Callable[[Any], Any]]] = {
     bool: ("True or False", _flag),
     int: ("a whole number", _whole),
     float: ("a number", _number),
     str: ("a word", _word),
     Path: ("a path", Path),
+    Callable: ("a function", _function),
     tuple[str, ...]: ("names", _words),
     Sequence[str]: ("names", _words),
 }

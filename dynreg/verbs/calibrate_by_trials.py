@@ -22,6 +22,7 @@ from dynreg.results.calibration import Calibration
 from dynreg.sim.config import SimConfig
 from dynreg.sim.real import Budget, RealRobot
 from dynreg.sim.robot import Robot
+from dynreg.verbs.arguments import require
 from dynreg.verbs.best_gait import best_gait
 from dynreg.verbs.calibrate import TRIALS, stored_answer, unfit
 from dynreg.verbs.calibration import register
@@ -63,7 +64,8 @@ def calibrate_by_trials(
     registry.check_writable()
     asked = Built(registry, robot_to_try(registry, subject, settings.method))
     task = _task(asked.robot, settings)  # a mistake here, or in gait and start, makes no folder
-    rules = rules or Rules()
+    rules = Rules() if rules is None else rules
+    require("rules", rules, Rules)
     told = {name: getattr(settings, name) for name in ("goal", "search")}
     rules = replace(rules, **{name: value for name, value in told.items() if value is not None})
     _require_enough(asked.robot, task, settings, rules)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from dynreg.errors import UsageError
 from dynreg.limits import limits, variable
 from dynreg.progress import Progress
+from dynreg.verbs.arguments import require
 from dynreg.verbs.settings import Settings, address, executor, option, seed, threads
 
 if TYPE_CHECKING:
@@ -138,7 +139,9 @@ def with_models(
     from dynreg.verbs.populations import Plan, begin, fill, link
 
     report, watch, began = progress or (lambda *_: None), Stopwatch(), time.perf_counter()
-    plan = Plan(n, settings.seed, training or Training(), settings.shard_size, settings.threads)
+    training = Training() if training is None else training
+    require("training", training, Training)
+    plan = Plan(n, settings.seed, training, settings.shard_size, settings.threads)
     robot = robot if settings.ranges is None else with_population(robot, settings.ranges)
     if settings.dry_run:
         return foretell(registry, robot, plan, report, linked=settings.link)

@@ -121,9 +121,23 @@ def _read(paths: list[Path], robot: "Robot", log_map: "str | Path | LogMap | Non
             except (LogError, MapError) as problem:
                 # it is the log's where that holds what it names, else it is the map of another log
                 if told is unmapped and not isinstance(told, CheckError) and holds_sources(paths, spec, own):
-                    by = f"{problem.problem} (the robot's map {path})"
-                    told = type(problem)(by, expected=problem.expected, do=problem.do)
+                    told = _of_own_map(problem, path, robot)
         raise told from None
+
+
+def _of_own_map(problem: DynregError, path: Path, robot: "Robot") -> DynregError:
+    """What is wrong with a log or the map that its robot brings; nobody corrects one that comes with dynreg."""
+    from dynreg.sim.robot import is_packaged
+
+    if not is_packaged(robot):
+        by = f"{problem.problem} (the robot's map {path})"
+        return type(problem)(by, expected=problem.expected, do=problem.do)
+    return type(problem)(
+        f"{problem.problem} (the map {path.name} that comes with {robot.name})",
+        expected=problem.expected,
+        do=f"draft a map of this log with `dynreg doctor LOG --robot {robot.name} --draft-map map.toml`, and pass it "
+        "with --map",
+    )
 
 
 EFFECTS = "effects"  # the kind of a population whose entries carry one effect each

@@ -48,7 +48,7 @@ def test_from_the_log_to_the_page(place: Path, dynreg: Callable, document: Calla
     (result,) = document("list", "--kind", "result")["items"]
     assert document("show", result["id"])["detail"]["answer"] == answer["answer"]
     shown = dynreg("show", result["id"])
-    assert shown.status == 0 and "2 nearest neighbours" in shown.out
+    assert shown.status == 0 and "best 2 by replay error, of the nearest" in shown.out
     written = document("report", "@last", "--out", "page.html")
     assert written["bytes"] == (place / "page.html").stat().st_size
     assert "monday" in (place / "page.html").read_text(encoding="utf-8")

@@ -81,6 +81,21 @@ def test_a_wrapped_method_keeps_its_name_and_its_signature() -> None:
         ("compare", ("x",), {"simulators": 5}, "simulators 5; expected names; give one"),
         ("diagnose", ("x",), {"horizon": "2"}, "horizon '2'; expected a number; give one"),
         ("query", ("x",), {"hold_out": ["a", "b"]}, "hold_out ['a', 'b']; expected a word; give one"),
+        ("query", ("x",), {"progress": "yes"}, "progress 'yes'; expected a function; give one"),
+        ("import_registry", ("x",), {"progress": 1}, "progress 1; expected a function; give one"),
+        ("calibrate", ("x",), {"say": "aloud"}, "say 'aloud'; expected a function; give one"),
+        (
+            "populate",
+            ("servo_pendulum", 2),
+            {"training": "long"},
+            "training 'long'; expected a dynreg.distance.population.Training; give one, or leave it out",
+        ),
+        (
+            "calibrate",
+            ("quadruped",),
+            {"method": "btr", "task": "forward", "robot_door": "trials", "rules": 3},
+            "rules 3; expected a dynreg.adapt.tried.Rules; give one, or leave it out",
+        ),
     ],
 )
 def test_a_value_of_another_type_is_told(
@@ -141,6 +156,11 @@ def test_a_number_is_no_path_and_keeps_its_digits():
     with pytest.raises(UsageError, match="path 5; expected a path"):
         dynreg.open(5)
     assert typed("ref", str, 1234567.25) == "1234567.25"
+
+
+def test_an_empty_word_is_no_path():
+    with pytest.raises(UsageError, match="registry ''; expected a folder; name one, or leave it out"):
+        dynreg.open("")
 
 
 @pytest.mark.parametrize("place", ["postgresql://me@db.lab/robots", Path("s3://robots/registry")])

@@ -1,5 +1,6 @@
 """What `ingest` says of a recording, and what reads a log."""
 
+import json
 import shutil
 from pathlib import Path
 
@@ -90,6 +91,18 @@ def test_what_a_map_of_the_robot_lacks_is_what_is_wrong(tmp_path: Path):
         log.write_text(log.read_text().replace("shoulder.pos", "unlike"))
         with pytest.raises(MapError, match="the log has no column 'shoulder/position'"):
             session.ingest(log, folder)
+
+
+def test_nobody_is_asked_to_correct_a_map_that_comes_with_dynreg(tmp_path: Path):
+    row = {"position": 0.1, "speed": 0.0, "goal_position": 0.0, "load": 0.0}
+    rows = [{"timestamp": k / 100, **row} for k in range(60)]
+    (tmp_path / "run.json").write_text(json.dumps({"kp": 8.0, "entries": rows}))
+    with dynreg.open(tmp_path / "registry") as session:
+        with pytest.raises(
+            MapError, match=r"episode name .*\(the map bam_xl330.toml that comes with"
+        ) as told:
+            session.ingest(tmp_path / "run.json", "servo_pendulum")
+    assert told.value.do.startswith("draft a map of this log"), told.value
 
 
 def test_a_map_counts_where_one_of_several_recordings_is_a_log(registry_folder: Path, tmp_path: Path):
