@@ -13,7 +13,7 @@ from dynreg.rng import stream
 from dynreg.sim.robot import Robot
 
 CUT = (
-    "give horizon in [replay] of robot.toml, at most a quarter of the episode (it cuts none of a robot on feet"
+    "give [replay] of robot.toml a horizon of at most a quarter of the episode (it cuts none of a robot on feet"
     ' with base = "keyframe")'
 )  # what to do where one rollout cannot be parted
 

@@ -82,7 +82,7 @@ def test_what_can_be_held_out(hold_out, test):
 def test_of_an_episode_that_is_one_window_nothing_can_be_held_out_without_a_horizon(hold_out):
     recording, windows = made([1])
     assert not parts(recording, windows, None).test.any()
-    with pytest.raises(UsageError, match=r"horizon in \[replay\] of robot.toml.*or record more episodes"):
+    with pytest.raises(UsageError, match=r"\[replay\] of robot.toml a horizon.*or record more episodes"):
         parts(recording, windows, hold_out)
     cut = made([4])
     assert parts(*cut, "0.25").test.sum() == 1
