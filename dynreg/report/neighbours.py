@@ -16,6 +16,7 @@ from dynreg.report.words import (
     count,
     held_out_words,
     interval_words,
+    number,
     to_hold_out,
 )
 from dynreg.results.neighbours import Neighbours
@@ -106,15 +107,22 @@ def refusal(result: Neighbours) -> NoMatchError | None:
     diagnose = command("diagnose", result.recording_name)
     if result.far:
         return NoMatchError(
-            f"no simulator that was replayed is close to {result.recording_name!r}: {result.alarm}",
+            f"no simulator that was replayed is close to {result.recording_name!r}{_misfit(result)}",
             expected="one that errs as a right one would",
             do=f"search for it with `{command('query', result.recording_name)}`, or populate more simulators",
         )
     return NoMatchError(
-        f"no simulator fits {result.recording_name!r}: {result.alarm or 'the recording is out of distribution'}",
+        f"no simulator fits {result.recording_name!r}{_misfit(result)}",
         expected=f"a recording that population {result.population[:12]} of {result.robot} can explain",
         do=f"ask what the model lacks (`{diagnose}`), or check the log (`dynreg doctor LOG --robot {result.robot}`)",
     )
+
+
+def _misfit(result: Neighbours) -> str:
+    """How much the answer errs, in a few words: the table tells the alarm."""
+    if result.misfit is None:
+        return ""
+    return f": the answer errs {number(result.misfit)} times as much as a right one would"
 
 
 def tables(result: Neighbours) -> Group:
@@ -143,10 +151,10 @@ def tables(result: Neighbours) -> Group:
 
 def neighbour_words(result: Neighbours) -> str:
     """What the simulators of the table are: the nearest ones, or those of the nearest that replay best."""
-    number, by = len(result.neighbours), f"by the distance {result.distance}"
+    k, by = len(result.neighbours), f"by the distance {result.distance}"
     if any(s.stage == "replayed" for s in result.stages):
-        return f"best {number} by replay error, of the nearest {by}"
-    return f"{count(number, 'nearest neighbour')} {by}"
+        return f"best {k} by replay error, of the nearest {by}"
+    return f"{count(k, 'nearest neighbour')} {by}"
 
 
 def _neighbour_table(result: Neighbours) -> RenderableType:
