@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 
 from dynreg.errors import DynregError
 from dynreg.limits import limits, refuse
@@ -193,7 +194,7 @@ def fault_of(document: dict[str, Any], found: Mapping[str, Any], model: type[Bas
     location = in_document(document, found["loc"])
     key = _short(".".join(str(part) for part in location) or "file")
     if found["type"] == "extra_forbidden":
-        keys = _keys(model, found["loc"][:-1])
+        keys = [*_fields(model, found["loc"][:-1])]
         return Fault(
             location,
             f": unknown key {key!r}",
@@ -201,7 +202,9 @@ def fault_of(document: dict[str, Any], found: Mapping[str, Any], model: type[Bas
             "remove it or correct its spelling",
         )
     if found["type"] == "missing":
-        return Fault(location, f": {key!r} is missing", f"a value for {key!r}", "add it")
+        field = _fields(model, found["loc"][:-1]).get(str(found["loc"][-1]))
+        about = f": {field.description}" if field is not None and field.description else ""
+        return Fault(location, f": {key!r} is missing", f"a value for {key!r}{about}".rstrip("."), "add it")
     message = _short(_PLAIN.get(found["type"], found["msg"].removeprefix("Value error, ")), 500)
     owner = _short(_name_at(document, location) or "")
     value = found.get("input")
@@ -251,8 +254,8 @@ def in_document(document: dict[str, Any], location: Location) -> Location:
     return tuple(kept)
 
 
-def _keys(model: type[BaseModel], location: Location) -> list[str]:
-    """The keys that the table at a location may have."""
+def _fields(model: type[BaseModel], location: Location) -> dict[str, FieldInfo]:
+    """The keys that the table at a location may have, and what is said of each."""
     here: Any = model
     for part in location:
         if isinstance(here, type) and issubclass(here, BaseModel):
@@ -263,7 +266,7 @@ def _keys(model: type[BaseModel], location: Location) -> list[str]:
         elif isinstance(part, int) or get_origin(here) is dict:
             here = get_args(here)[-1] if get_args(here) else here
     found = _models(here)
-    return list(found[0].model_fields) if found else []
+    return dict(found[0].model_fields) if found else {}
 
 
 def _models(annotation: Any) -> list[type[BaseModel]]:

@@ -66,6 +66,7 @@ def resolve(connection: Connection, ref: str, kinds: Collection[str] = KINDS) ->
             )
     columns = [name for kind, (name, _) in _NAME_COLUMNS.items() if kind in kinds]
     names = {name for column in columns for name in connection.execute(select(column)).scalars()}
+    names |= {LAST} if "recording" in kinds else set()
     near = difflib.get_close_matches(ref, sorted(names), n=3, cutoff=0.5)
     raise NoMatchError(
         f"no {' or '.join(kinds) if len(kinds) < len(KINDS) else 'stored thing'} is called {ref!r}",

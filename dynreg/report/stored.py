@@ -39,16 +39,22 @@ def tables(result: Result) -> RenderableType:
 def _population(result: PopulationSummary) -> Group:
     if result.expected is not None:
         return _expected(result, result.expected)
+    added = (
+        f"{result.added} added in {result.seconds:.1f} s"
+        if result.added
+        else "none added: so many were there"
+    )
     text = (
         f"population {result.population[:12]} of {result.robot}: {result.entries} of {result.planned}"
-        f" simulators, {result.added} added in {result.seconds:.1f} s"
+        f" simulators, {added}"
     )
     spent = [
         ("simulate", result.simulate_seconds),
         ("train", result.train_seconds),
         ("link", result.link_seconds),
     ]
-    return Group(Text(text, style="bold"), table(("step", "time [s]"), spent))
+    steps = [table(("step", "time [s]"), spent)] if any(seconds for _, seconds in spent) else []
+    return Group(Text(text, style="bold"), *steps)
 
 
 def _expected(result: PopulationSummary, expected: Expected) -> Group:

@@ -43,12 +43,13 @@ def test_ambiguous_refs_say_what_they_fit(registry):
     assert registry.resolve(POPULATION[:12]) == ("population", POPULATION)
 
 
-@pytest.mark.parametrize("ref", ["frst run", "cdc", "fffffff", "", "cd%", "CDCD", "@next"])
+@pytest.mark.parametrize("ref", ["frst run", "cdc", "fffffff", "", "cd%", "CDCD", "@next", "@lst"])
 def test_what_fits_nothing_is_no_match(registry, ref):
     with pytest.raises(NoMatchError) as error:
         registry.resolve(ref)
     assert error.value.exit_status == 4
     assert ("near: first run" in str(error.value)) == (ref == "frst run")
+    assert ("near: @last" in str(error.value)) == (ref == "@lst")
 
 
 def test_only_the_kinds_asked_for_are_found(registry):

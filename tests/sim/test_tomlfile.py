@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from dynreg.errors import RobotError
 from dynreg.tomlfile import line_of, literal, read_toml
@@ -131,3 +131,23 @@ def test_a_value_is_read_as_it_was_written(value):
     """Newlines, quotes, control characters and those beyond 16 bits included."""
     read = tomllib.loads(f"x = {literal(value)}")["x"]
     assert read == value and type(read) is type(value)
+
+
+class _Part(BaseModel):
+    mass: float = Field(description="Of the part [kg].")
+    name: str
+
+
+class _Parts(BaseModel):
+    parts: list[_Part]
+
+
+def test_a_missing_key_is_told_with_its_meaning(tmp_path: Path):
+    (tmp_path / "parts.toml").write_text('[[parts]]\nname = "arm"\n')
+    with pytest.raises(
+        RobotError, match=r"'parts.0.mass' is missing; expected .*mass': Of the part \[kg\]; add"
+    ):
+        read_toml(tmp_path / "parts.toml", _Parts, RobotError)
+    (tmp_path / "parts.toml").write_text("[[parts]]\nmass = 1\n")
+    with pytest.raises(RobotError, match=r"expected a value for 'parts.0.name'; add it"):
+        read_toml(tmp_path / "parts.toml", _Parts, RobotError)
