@@ -6,8 +6,9 @@ the quadruped by the library's own. Each method gets the same log, of so many se
 the replay error on what was held out, as a share of the nominal simulator's. `the robot itself` has the true
 parameters and, where the library has it, the true cause: what noise leaves. `mujoco.sysid` fits all parameters.
 
-`--only quadruped aibo` asks about robots on feet (`methods_robots`). Of a quadruped a gait is sought in every answer
-and tried on the robot (`methods_walk`), and `btr` is asked, too: 190 trials, a share of the published simulations.
+`--only quadruped aibo` asks about robots on feet (`methods_robots`). Of the first `--walks` quadrupeds of each kind a
+gait is sought in every answer and tried on the robot (`methods_walk`), and `btr` is asked, too: 190 trials, a share of
+the published simulations.
 There `diagnose` takes the threshold that `bench_naming_quadruped` found, and names one cause. `--episodes 1 10 30` asks
 what so many episodes of a servo's log are worth: the same are held out for all (`methods_pictures` draws it).
 
@@ -29,7 +30,7 @@ from pathlib import Path
 import numpy as np
 from journal import Journal
 from kept import RESULTS, keep
-from methods_robots import FEET, PLANS, SIZE, Secret, described, plan, secrets
+from methods_robots import FEET, HIDDEN, PLANS, SIZE, Secret, described, plan, secrets
 from methods_table import TRUE, show
 from methods_walk import SEARCHES, Walks
 from naming import TUNE
@@ -182,7 +183,9 @@ def named(robot: Robot, hidden: Hidden, causes: list[str] | None) -> str | None:
 
 def answers(session: dynreg.Session, secret: Secret, given: argparse.Namespace, done: set) -> Iterator[dict]:
     """A line for each method that was not asked about this robot before."""
+    walking = secret.robot == "quadruped" and secret.number < given.walks
     methods = [m for m in given.methods or usual(secret.robot) if able(m, secret.robot)]
+    methods = [m for m in methods if walking or m != BTR]
     left = [m for m in methods if key_of(secret.key | {"method": m}) not in done]
     if not left:
         return
@@ -201,7 +204,7 @@ def answers(session: dynreg.Session, secret: Secret, given: argparse.Namespace, 
         line = {**secret.key, "method": method, "cause": secret.cause}
         if "error" in found:
             line["share"] = found["error"] / found["nominal"]
-        if secret.robot == "quadruped" and made is not None:
+        if walking and made is not None:
             line["walk"] = walks.figures(made, ORACLES if method == TRUE else SEARCHES)
         yield line | {"told": named(robot, hidden, found.get("causes")), **found}
 
@@ -263,6 +266,10 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", default=["servo_pendulum", "diffdrive"], choices=list(PLANS))
     parser.add_argument("--methods", nargs="*", choices=every, help="by default all that apply")
     parser.add_argument("--robots", type=int, default=12, help="of each kind, in the family and outside")
+    parser.add_argument("--hidden", nargs="*", default=HIDDEN, choices=HIDDEN, help="kinds of them")
+    parser.add_argument(
+        "--walks", type=int, default=3, help="quadrupeds of each kind that btr and gaits are tried on"
+    )
     parser.add_argument("--seconds", type=float, nargs="*", default=[50.0], help="of a robot's log")
     parser.add_argument(
         "--episodes", type=int, nargs="*", default=[], help="of it that may shape an answer; else all"
@@ -281,7 +288,7 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder, dynreg.open(Path(folder) / "registry") as session:
             if {"nearest", "synthesis"} & {*(given.methods or LOGS)} and ENTRIES[robot]:
                 session.populate(described(robot), ENTRIES[robot], seed=seed, threads=given.threads)
-            for secret in secrets(robot, given, seed):
+            for secret in (one for one in secrets(robot, given, seed) if one.hidden in given.hidden):
                 for line in answers(session, secret, given, done):
                     journal.add(line)
                     print(json.dumps(line), flush=True)
