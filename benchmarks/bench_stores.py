@@ -35,7 +35,7 @@ import stores  # noqa: E402
 import tiny_registry  # noqa: E402
 
 ROBOT, POPULATION, SIZE, SHARD = "ab" * 32, "cd" * 32, 500_000, 20
-WALKED = 60  # entries that a walk visits; see bench_graph.py
+JUDGED = 200  # entries that a search among so many judges; see bench_scale.py
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ def fetched_by_a_query(place: Path, servers: stores.Stores, simulators: int) -> 
         "query": lambda session: session.query(recording),
         "values and losses of all": lambda session: session.registry.load(made, ()),
         "index": lambda session: [session.registry.index(made, key) for key in ("graph", "embedding")],
-        f"models of {WALKED} that a walk visits": lambda session: _walk(session.registry, made),
+        f"models of {JUDGED} that a search judges": lambda session: _judged(session.registry, made),
         "one entry": lambda session: session.registry.load_entry(
             session.registry.load(made, ()).ids[simulators // 2]
         ),
@@ -183,10 +183,10 @@ def fetched_by_a_query(place: Path, servers: stores.Stores, simulators: int) -> 
     return [*found, Fetched("(the population's shards)", size, 0, 1.0, 0.0)]
 
 
-def _walk(registry: Registry, population: str) -> None:
+def _judged(registry: Registry, population: str) -> None:
     with registry.directory.catalog.read() as connection:
         ids = _ids(connection, population)
-    some = stream(0, "bench", "walk").choice(len(ids), min(WALKED, len(ids)), replace=False)
+    some = stream(0, "bench", "judged").choice(len(ids), min(JUDGED, len(ids)), replace=False)
     list(registry.weights(population, [ids[i] for i in some]))
 
 
