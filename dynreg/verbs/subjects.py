@@ -516,9 +516,16 @@ def _registered(
         return recording.recording
     try:
         identity = registry.resolve(str(recording), ("recording",))[1]
-    except NoMatchError:
+    except NoMatchError as unknown:
         if not exists(recording):
-            raise
+            path = robot is not None or bool(Path(recording).suffix)
+            if not path or isinstance(unknown, AmbiguousError):
+                raise
+            raise NoMatchError(
+                f"{unknown.problem}, and no log is there",
+                expected=f"the path of a log, or {unknown.expected}",
+                do=unknown.do,
+            ) from None
         if robot is None:
             raise UsageError(
                 f"{str(recording)!r} is a log, and no robot is named",

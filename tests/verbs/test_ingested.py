@@ -10,7 +10,7 @@ from tiny_registry import bench_csv
 
 import dynreg
 from dynreg.data.recording import Recording
-from dynreg.errors import MapError, UsageError
+from dynreg.errors import MapError, NoMatchError, UsageError
 from dynreg.report.stored import channel_words
 from dynreg.verbs.robots import robot_check, robot_copy
 from dynreg.verbs.subjects import every_recorded, found_in
@@ -103,6 +103,17 @@ def test_nobody_is_asked_to_correct_a_map_that_comes_with_dynreg(tmp_path: Path)
         ) as told:
             session.ingest(tmp_path / "run.json", "servo_pendulum")
     assert told.value.do.startswith("draft a map of this log"), told.value
+
+
+def test_what_looks_like_a_log_and_is_none_is_told_as_such(tmp_path: Path):
+    with dynreg.open(tmp_path / "registry") as session:
+        for told in ({"robot": "servo_pendulum"}, {}):
+            with pytest.raises(
+                NoMatchError, match="called 'run.csv', and no log is there; expected the path of a log"
+            ):
+                session.diagnose("run.csv", **told)
+        with pytest.raises(NoMatchError, match="no recording is called 'monday'; expected a hash"):
+            session.diagnose("monday")
 
 
 def test_a_map_counts_where_one_of_several_recordings_is_a_log(registry_folder: Path, tmp_path: Path):
