@@ -2,6 +2,7 @@
 
 import shutil
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -31,9 +32,13 @@ def searching(monkeypatch):
     monkeypatch.setattr(one_sided, "FIRST", 4)
     for name in ("HUBS", "LIKE", "RANDOM"):
         monkeypatch.setattr(linked, name, 2)
-    monkeypatch.setattr(one_sided, "EFFORT", replace(one_sided.EFFORT, least=8, each=4, beside=0.0))
-    effort = linked.effort
-    monkeypatch.setattr(linked, "effort", lambda entries: replace(effort(entries), least=8, each=4))
+    for room, told in ((one_sided, {"beside": 0.0}), (linked, {})):
+        effort = partial(_few, room.effort, told | {"least": 8, "each": 4})
+        monkeypatch.setattr(room, "effort", effort)
+
+
+def _few(effort, told, entries):
+    return replace(effort(entries), **told)
 
 
 @pytest.fixture
