@@ -93,6 +93,27 @@ def test_columns_that_name_a_joint(column: str, tmp_path: Path):
     assert parse_map(draft.text).channels[name].source == column
 
 
+def test_a_letter_beside_a_joints_name_tells_a_position_from_a_velocity(tmp_path: Path):
+    """Two servos of one joint: the position's targets are not those of the velocity, which may never change."""
+    columns = {
+        "hip_p_cmd": np.arange(5),
+        "hip_v_cmd": np.zeros(5),
+        "hip_p": np.arange(5),
+        "hip_v": np.ones(5),
+    }
+    wanted = {
+        ("hip/target", "rad", "action"): "hip_p_cmd",
+        ("hip/velocity_target", "rad/s", "action"): "hip_v_cmd",
+        ("hip/position", "rad", "state"): "hip_p",
+        ("hip/velocity", "rad/s", "state"): "hip_v",
+        ("hip/voltage", "V", "action"): "hip_v_cmd",  # "v" is its unit, too
+    }
+    for channel, source in wanted.items():
+        drafted = draft_map(table(tmp_path, **columns), spec_of(channel))
+        assert drafted.sources[channel[0]].keys["source"] == source, channel
+        assert not drafted.sources[channel[0]].ambiguous
+
+
 @pytest.mark.parametrize("brackets", [" [{}]", "[{}]", " ({})"])
 def test_a_unit_in_brackets_is_no_joint(brackets: str, tmp_path: Path):
     """Without a robot too, where the names alone tell the joints."""

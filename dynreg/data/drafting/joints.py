@@ -11,6 +11,7 @@ from dynreg.data.names import joint_of, quantity_of
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.words import core, quantity, strange, without, words
 
+LETTERS = {"p": "position", "v": "velocity"}  # that say what is measured of a joint
 Named = Sequence[tuple[Offer, tuple[str, ...]]]  # offers that name a joint, and the words beside its name
 Owned = Mapping[str, list[tuple[Offer, tuple[str, ...]]]]
 
@@ -105,8 +106,8 @@ def of_joint(named: Named, channel: ChannelSpec, *notes: str) -> Source | None:
     wanted = quantity(words(what)) if channel.kind != "action" else None
     wanted = wanted or KINDS.get(channel.unit)
     rated = []
-    for offer, rest in named:
-        told = quantity(rest, offer.topic)
+    for offer, every in named:
+        told, rest = _said(every, offer.topic, wanted)
         measured_command = channel.kind == "action" and not offer.command
         if offer.command and channel.kind in ("state", "input"):
             continue
@@ -121,6 +122,21 @@ def of_joint(named: Named, channel: ChannelSpec, *notes: str) -> Source | None:
     if channel.kind == "enable":
         rated = [(c, o) for c, o in rated if quantity(o.words, o.topic) == "enable"]
     return best(rated, channel, *notes)
+
+
+def _said(told: tuple[str, ...], topic: str, wanted: str | None) -> tuple[str | None, tuple[str, ...]]:
+    """What the words beside a joint's name say is measured, and the words without a letter that says it.
+
+    A letter says it where a position or a velocity is wanted: beside others, "v" is the unit of a voltage.
+
+    >>> _said(("p", "cmd"), "", "position"), _said(("v", "cmd"), "", "position"), _said(("v", "cmd"), "", "voltage")
+    (('position', ('cmd',)), ('velocity', ('cmd',)), (None, ('v', 'cmd')))
+    """
+    found = quantity(told, topic)
+    letters = [LETTERS[word] for word in told if word in LETTERS]
+    if found is not None or not letters or wanted not in LETTERS.values():
+        return found, told
+    return letters[-1], tuple(word for word in told if word not in LETTERS)
 
 
 def nameless(offers: Sequence[Offer], mine: Owned) -> Named:
