@@ -8,6 +8,7 @@ from dynreg.data.names import quantity_of
 from dynreg.data.recording import Recording
 from dynreg.diagnose.joints import fixed_unseen, only_joints
 from dynreg.diagnose.options import DiagnosisOptions
+from dynreg.diagnose.starts import apart, begun
 from dynreg.errors import LogError, UsageError
 from dynreg.evidence.accuracy import usual
 from dynreg.evidence.data import Data
@@ -24,6 +25,7 @@ from dynreg.sim.robot import Robot, require_commands
 
 FEWEST = 50  # measured rows in each of fit and select, by contract: fewer samples identify no cause
 PIECES = 6  # of an episode: one to test, and some to fit and to select by
+LOOKED_AT = 16  # windows, by which the noise that starts leave is told
 STANDS = 0.05  # rad (m) by which joints may differ from the settled reset pose: more is another pose
 
 
@@ -62,7 +64,8 @@ def pose(
         coordinates = Coordinates(robot, known, centre, options.tolerance)
     accuracy = usual(robot, options.engine)
     model = Model(robot, coordinates, options.engine, begun, accuracy)
-    return model, Data.of(robot, cut, split, accuracy.segment)
+    noise = _noise(robot, cut, options, robot.space.nominal if centre is None else centre)
+    return model, Data.of(robot, cut, split, accuracy.segment, noise)
 
 
 def _cut(robot: Robot, recording: Recording, options: DiagnosisOptions) -> tuple[Windows, str]:
@@ -129,6 +132,23 @@ def _settled(robot: Robot, cut: Windows, options: DiagnosisOptions) -> Windows:
     apart = np.nan_to_num(np.abs(cut.measured[:, 0, joints] - stands[:, joints])).max(axis=1, initial=0.0)
     settled = (apart < STANDS) & ~placed(robot, run.initial)
     return replace(cut, run=replace(run, initial=np.where(settled[:, None], np.nan, run.initial)))
+
+
+def _noise(robot: Robot, cut: Windows, options: DiagnosisOptions, values: np.ndarray) -> np.ndarray:
+    """(S,) 1 sigma of every channel: its sensor's, or what the noise of the starts leaves where that is more.
+
+    A joint that no servo holds never forgets how it set out. Of a simulator with `values` (P,), in the middle one of
+    some windows: one in which a joint tips over must not count for all. Bases have their own: `verdict.lefts`.
+    """
+    if robot.floating or robot.planar:
+        return robot.sensor_noise
+    some = np.unique(np.linspace(0, len(cut) - 1, LOOKED_AT).round().astype(int))
+    run = begun(cut.run, some, robot.sensor_noise)
+    states = rollout(robot, values[None], run, engine=options.engine, threads=options.threads).states[0]
+    squares = np.square(apart(states, cut.spread))
+    known = np.isfinite(squares)
+    each = np.where(known, squares, 0.0).sum(axis=(0, 2)) / np.maximum(known.sum(axis=(0, 2)), 1)
+    return np.maximum(robot.sensor_noise, np.sqrt(np.median(each, axis=0)) * cut.spread)
 
 
 def placed(robot: Robot, initial: np.ndarray) -> np.ndarray:

@@ -1,7 +1,7 @@
 """The residual after the search against the noise floor, which no simulator can explain; the verdict from it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -12,6 +12,7 @@ from dynreg.diagnose.kinds import Verdict
 from dynreg.diagnose.plans.plan import State
 from dynreg.diagnose.pose import placed
 from dynreg.diagnose.score import Naming
+from dynreg.diagnose.starts import apart, begun
 from dynreg.diagnose.tail import exceeded
 from dynreg.evidence.data import Data
 from dynreg.evidence.hypothesis import single_terms
@@ -19,16 +20,13 @@ from dynreg.evidence.lockstep import Search
 from dynreg.evidence.model import Model
 from dynreg.evidence.point import Point
 from dynreg.replay.repeatability import Repeatability, repeatability, whiteness
-from dynreg.replay.residual import scaled
 from dynreg.replay.velocity import pose_columns
 from dynreg.replay.windows import Windows, standing
-from dynreg.rng import stream
 from dynreg.sim.effects import Term, one_group
 from dynreg.sim.robot import Robot
 
 TINY = 1e-12  # lower bound of mean squares and noise, for logarithms and divisions
 WHITE = 0.01  # p-value of the whiteness test, above which a residual counts as white noise
-STARTS = 8  # other starts of each window within their noise; of 16 windows they tell its size to a tenth
 EXPLAINED = 1.5  # ratio of residual to noise floor up to which everything counts as explained: by contract
 # Chance that everything is explained and yet all channels together are said to leave more. Robots with nothing hidden
 # should be told so in 19 of 20 cases: by contract.
@@ -154,7 +152,7 @@ def lefts(model: Model, point: Point, data: Data) -> Search[list[Left]]:
     windows = data.windows.take(chosen)
     rough = model.accuracy.fine
     started = yield from start_noise(model.fine, point, windows, rough)
-    noise = np.hypot(robot.sensor_noise, np.hypot(begin_noise(robot, windows), started))
+    noise = np.hypot(data.noise, np.hypot(begin_noise(robot, windows), started))
     samples = np.nansum(data.whole.effective(residual), axis=0)
     out = []
     for c, column in enumerate(data.use):
@@ -212,15 +210,10 @@ def start_noise(model: Model, point: Point, windows: Windows, rough: bool) -> Se
     if not own.any():
         return np.zeros(len(robot.channels))
     measured = np.flatnonzero(own)  # the others begin settled, without that noise
-    off = stream(0, "start noise").standard_normal((1 + STARTS, len(measured), initial.shape[1]))
-    off[0] = 0.0
-    begun = initial[measured] + off * robot.sensor_noise
-    every = np.tile(measured, 1 + STARTS)
-    run = replace(windows.run.take(every), initial=begun.reshape(len(every), -1))
-    (states,) = yield from model.states([point], run)
-    states = states.reshape(1 + STARTS, len(measured), *states.shape[1:])[..., 1:, :]
-    apart = scaled(states[1:], states[0], windows.spread).reshape(-1, *states.shape[2:])
-    sizes = [remaining(apart[..., c], rough) for c in range(len(robot.channels))]
+    (states,) = yield from model.states([point], begun(windows.run, measured, robot.sensor_noise))
+    changes = apart(states, windows.spread)
+    changes = changes.reshape(-1, *changes.shape[2:])
+    sizes = [remaining(changes[..., c], rough) for c in range(len(robot.channels))]
     return np.array(sizes) * windows.spread * np.sqrt(own.mean())
 
 

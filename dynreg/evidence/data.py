@@ -24,8 +24,8 @@ UNSTATED = 1e-3  # of a channel's spread: 1 sigma where neither noise nor quantu
 class Data:
     """A robot's recording in windows and parts, with its scale: the unit of each channel, and its stated noise.
 
-    windows : errors are in units of their spread. noise : (S,) 1 sigma of every channel, in its unit; 0 where none is
-    stated.
+    windows : errors are in units of their spread. noise : (S,) 1 sigma of what no simulator can foresee of every
+    channel, in its unit: its sensor's, or more where rollouts keep that of their starts; 0 where none is stated.
     segments : into how many stretches of time the residual of each window is cut, each with a variance of its own.
     apart : whether each window counts by its own correlation time; see `effective_samples`.
     """
@@ -37,11 +37,21 @@ class Data:
     apart: bool = False
 
     @classmethod
-    def of(cls, robot: Robot, windows: Windows, parts: Parts, segment: float | None = None) -> "Data":
-        """Of a robot; segment : [s] of a rollout that share a variance, None for all of it."""
+    def of(
+        cls,
+        robot: Robot,
+        windows: Windows,
+        parts: Parts,
+        segment: float | None = None,
+        noise: np.ndarray | None = None,
+    ) -> "Data":
+        """Of a robot; segment : [s] of a rollout that share a variance, None for all of it. noise : by default the
+        sensors'.
+        """
         rows = windows.measured.shape[1] - 1
         segments = 1 if segment is None else max(round(rows * windows.period / segment), 1)
-        return cls(windows, parts, robot.sensor_noise, segments, len(robot.actions) > 1)
+        noise = robot.sensor_noise if noise is None else noise
+        return cls(windows, parts, noise, segments, len(robot.actions) > 1)
 
     @cached_property
     def use(self) -> np.ndarray:
@@ -55,7 +65,7 @@ class Data:
 
     @cached_property
     def floor(self) -> np.ndarray:
-        """(C,) variance of their stated noise, in units of spread^2; that of `UNSTATED` where none is stated."""
+        """(C,) variance of their noise, in units of spread^2; that of `UNSTATED` where none is stated."""
         stated = self.noise[self.use]
         return np.where(stated > 0, stated / self.spread, UNSTATED) ** 2
 
