@@ -38,8 +38,9 @@ def resample(episode: RawEpisode, spec: RecordingSpec) -> tuple[float, np.ndarra
     for column, channel in enumerate(spec.channels):
         if channel.name in series:
             kept = series[channel.name]
-            within = spec.rate and spread(kept.time, start, 1.0 / spec.rate) if channel.hold else None
-            values[:, column] = at(clean(kept), start + grid, channel.hold, within or STAMP_TOLERANCE)
+            told = clean(kept)
+            within = late(told, start, 1.0 / spec.rate) if channel.hold and spec.rate else STAMP_TOLERANCE
+            values[:, column] = at(told, start + grid, channel.hold, within)
             raw = episode.channels[channel.name]
             values[_unknown(raw, kept.time, start + grid, channel, timed=spec.rate is None), column] = np.nan
     return start, grid, values
@@ -71,18 +72,20 @@ def at(series: Series, time: np.ndarray, hold: bool, within: float = STAMP_TOLER
     return series.values[np.maximum(last, 0)]
 
 
-def spread(stamps: np.ndarray, start: float, period: float) -> float:
+def late(series: Series, start: float, period: float) -> float:
     """How long after a row of the grid a command still counts for it [s], so that stamps that scatter change no row.
 
-    A command of each row comes at nearly the same part of a period, before or after the row as its stamp scatters. So
-    the rows are parted where no commands come: in the middle of the longest such part of a period. Where that is less
-    than half of one, commands come at any time, and count from the next row on.
+    A stream of commands comes at nearly the same part of a period, before or after the row as its stamps scatter. So
+    rows are parted where none come that say anything new: in the middle of the longest such part of a period. Where
+    that is less than half of one, commands come at any time, and count from the next row on.
     """
-    parts = np.sort(np.mod(stamps - start, period))
-    after = np.append(parts[1:], parts[:1] + period) - parts
-    longest = int(np.argmax(after))
-    middle = (parts[longest] + 0.5 * after[longest]) % period
-    return max(float(middle), STAMP_TOLERANCE) if after[longest] > 0.5 * period else STAMP_TOLERANCE
+    new = np.append(True, np.diff(series.values) != 0)
+    parts = np.sort(np.mod(series.time[new] - start, period))
+    free = np.append(parts[1:], parts[:1] + period) - parts
+    longest = int(np.argmax(free))
+    if free[longest] < 0.5 * period:
+        return STAMP_TOLERANCE
+    return max(float((parts[longest] + 0.5 * free[longest]) % period), STAMP_TOLERANCE)
 
 
 def common_span(episode: RawEpisode, series: dict[str, Series], spec: RecordingSpec) -> tuple[float, float]:

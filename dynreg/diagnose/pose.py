@@ -20,6 +20,8 @@ from dynreg.replay.known import known_values
 from dynreg.replay.parts import Parts, parts, thinned
 from dynreg.replay.windows import Windows, moves
 from dynreg.sim.config import SimConfig, terms_of
+from dynreg.sim.effects.contact import can_touch
+from dynreg.sim.engine import ENGINES
 from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot, require_commands
 
@@ -138,9 +140,14 @@ def _noise(robot: Robot, cut: Windows, options: DiagnosisOptions, values: np.nda
     """(S,) 1 sigma of every channel: its sensor's, or what the noise of the starts leaves where that is more.
 
     A joint that no servo holds never forgets how it set out. Of a simulator with `values` (P,), in the middle one of
-    some windows: one in which a joint tips over must not count for all. Bases have their own: `verdict.lefts`.
+    some windows: one in which a joint tips over must not count for all. Bases have their own: `verdict.lefts`. Feet
+    that touch the ground slip and stick again, which tells more than how they set out.
     """
-    if robot.floating or robot.planar:
+    if (
+        robot.floating
+        or robot.planar
+        or (ENGINES[robot.running(options.engine)].contacts and can_touch(robot))
+    ):
         return robot.sensor_noise
     some = np.unique(np.linspace(0, len(cut) - 1, LOOKED_AT).round().astype(int))
     run = begun(cut.run, some, robot.sensor_noise)

@@ -636,3 +636,40 @@ def test_a_rate_that_is_not_known_at_the_ends_cuts_nothing_off(servo_spec: Recor
     assert start == 0.0 and grid[-1] == pytest.approx(time[-1], abs=0.03)
     column = [c.name for c in servo_spec.channels].index("arm/velocity")
     assert np.isnan(values[0, column]) and np.isnan(values[-1, column]) and np.isfinite(values[100, column])
+
+
+@pytest.mark.parametrize("scatter", [0.0, 0.0004, 0.002])
+@pytest.mark.parametrize("offset", [0.0, 0.004, 0.0075])
+@pytest.mark.parametrize("rows", [1, 2])
+def test_stamps_that_scatter_move_no_command_to_another_row(
+    rows: int, offset: float, scatter: float, servo_spec: RecordingSpec
+):
+    """A command counts for the nearest row of the grid, at whatever part of a period it comes; each row has its own.
+
+    rows : of the log for each command, which is sent 100 times a second.
+    """
+    rng, t = np.random.default_rng(5), np.arange(600 * rows) / (100 * rows)
+    stamps = t + np.clip(rng.normal(0.0, scatter / 2, len(t)), -scatter, scatter) / rows
+    told = np.repeat(rng.normal(size=600), rows)
+    signals = {
+        "arm/position": Series(stamps, np.sin(t), "rad"),
+        "arm/velocity": Series(stamps, np.cos(t), "rad/s"),
+        "arm/target": Series(stamps + offset, told, "rad"),
+    }
+    episode = RawEpisode("run", "run.csv", signals, {"kp": 400.0})
+    start, time, values = resample(episode, servo_spec)
+    first = round((start - offset) * 100)
+    heard = values[:, [c.name for c in servo_spec.channels].index("arm/target")]
+    np.testing.assert_array_equal(heard, told[::rows][first : first + len(heard)])
+
+
+def test_commands_that_come_at_any_time_count_from_the_next_row_on(servo_spec: RecordingSpec):
+    t, sent = np.arange(600) / 100, irregular(2)
+    told = np.arange(len(sent), dtype=float)
+    signals = {"arm/position": Series(t, np.sin(t), "rad"), "arm/velocity": Series(t, np.cos(t), "rad/s")}
+    episode = RawEpisode("run", "run.csv", signals | {"arm/target": Series(sent, told, "rad")}, {"kp": 400.0})
+    start, time, values = resample(episode, servo_spec)
+    last = np.searchsorted(sent, start + time + 1e-6, side="right") - 1
+    np.testing.assert_array_equal(
+        values[:, [c.name for c in servo_spec.channels].index("arm/target")], told[last]
+    )
