@@ -240,6 +240,24 @@ def test_one_angle_in_degrees_tells_of_the_others_of_its_table(what: str, tmp_pa
     assert (guessed in draft_map(log, spec).text) is (what not in ("a position in rad", "all but a glitch"))
 
 
+@pytest.mark.parametrize("measured", ["one position", "all positions"])
+def test_targets_in_rad_tell_which_positions_are_in_degrees(measured: str, tmp_path: Path):
+    """One position of the table, whose own target is far smaller; or all of them, however little one moves."""
+    t = 0.01 * np.arange(400)
+    arm, leg = 1.5 * np.sin(t), 0.3 * np.sin(t)
+    told = np.degrees(leg) if measured == "all positions" else leg
+    log = table(tmp_path, arm_pos=np.degrees(arm), leg_pos=told, cmd_arm=arm, cmd_leg=1.1 * leg)
+    spec = spec_of(
+        ("arm/position", "rad", "state", True, -2.0, 2.0),
+        ("leg/position", "rad", "state", True, -2.0, 2.0),
+        ("arm/target", "rad", "action", True, -2.0, 2.0),
+        ("leg/target", "rad", "action", True, -2.0, 2.0),
+    )
+    found = units_of(log, spec)
+    assert found["arm/position"] == "deg" and found["arm/target"] == found["leg/target"] == "rad"
+    assert found["leg/position"] == ("deg" if measured == "all positions" else "rad")
+
+
 WRITTEN = {"°": "deg", "Deg": "deg", "degrees": "deg", "radians": "rad", "mrad": "mrad"}
 
 

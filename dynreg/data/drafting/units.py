@@ -63,9 +63,10 @@ def degrees(
 
     An angle is taken for degrees where it goes far beyond the joint's limits, and a velocity where it is the rate of a
     position in degrees. What has no limits may turn for ever (a wheel, a heading), and ROS has angles in rad (REP 103).
-    Where one angle goes so far and is no glitch, the others of the table are in degrees too, however small: but for
-    what its own joint contradicts. What would go too far in degrees too, or has whole numbers, is asked about: such
-    angles stay as they are.
+    Where one angle goes so far and is no glitch, the others of the table are in degrees too, however small. But where
+    another of its own joint is far smaller, as a target in rad is, angles of that kind stay in rad, and with them what
+    is as large as one of them of the same joint. What would go too far in degrees too, or has whole numbers, is asked
+    about: such angles stay as they are.
     chosen : {channel: offer} of the channels that have one. units : theirs.
     """
     reach = _reach(channels)
@@ -82,9 +83,12 @@ def degrees(
     far = {name: size for name, size in far.items() if name not in counted}
     as_others = any(usual(angles[name].values) > most[name] for name in far)
     out |= {name: ("deg", BEYOND_LIMITS.format(size)) for name, size in far.items()}
-    for name, series in angles.items():
-        beside = max((size for other, size in far.items() if joint_of(other) == joint_of(name)), default=0.0)
-        if as_others and name not in out and beside <= APART * largest(series):
+    near = {name: largest(series) for name, series in angles.items() if name not in far}
+    radians = {name for name, size in near.items() if _beside(name, far) > APART * size}
+    kinds = {quantity_of(name) for name in radians}
+    for name in [n for n in near if as_others and n not in out]:
+        alike = {n: size for n, size in near.items() if quantity_of(n) in kinds and APART * size > near[name]}
+        if quantity_of(name) not in kinds and not _beside(name, alike):
             out[name] = ("deg", AS_OTHERS)
     told = {**units, **{name: unit for name, (unit, _) in out.items()}}
     for name, velocity in doubted.items():
@@ -97,6 +101,11 @@ def degrees(
         elif as_others and not (slope is not None and _alike(np.degrees(slope))):
             out[name] = ("deg/s", AS_OTHERS)
     return out
+
+
+def _beside(name: str, sizes: Mapping[str, float]) -> float:
+    """The largest of the sizes of angles that are of the same joint; 0 where none is."""
+    return max((size for other, size in sizes.items() if joint_of(other) == joint_of(name)), default=0.0)
 
 
 def _counted(far: Mapping[str, Series], reach: Mapping[str, float]) -> dict[str, str]:
