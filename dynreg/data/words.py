@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 QUANTITIES = {
     "position": "position positions pos q qpos angle angles theta",
-    "velocity": "velocity velocities vel qd dq qvel dot qdot thetadot speed omega",
+    "velocity": "velocity velocities vel qd dq qvel dot qdot thetadot speed omega rate",
     "torque": "torque torques trq tau effort efforts force",
     "voltage": "voltage volts volt",
     "duty": "duty pwm",

@@ -1,7 +1,7 @@
 """The answer of a query as a document, its simulators registered."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -157,7 +157,7 @@ def judged(subject: Subject, chosen: Choice) -> Neighbours:
         alarm=alarm,
         notes=(
             *notes,
-            *_bound_notes(synthesised),
+            *bound_notes(synthesised.parameters if synthesised else {}),
             *held_out_notes(case.robot, case.data.windows, case.data.parts),
             *unscored_notes(case.robot, case.data.windows, case.data.parts),
         ),
@@ -293,11 +293,17 @@ def _alarm(judgement: Judgement, entries: int) -> tuple[str | None, tuple[str, .
     return alarm, unsteady
 
 
-def _bound_notes(synthesised: Synthesised | None) -> tuple[str, ...]:
-    at = [name for name, e in synthesised.parameters.items() if e.at_bound] if synthesised else []
+def bound_notes(parameters: Mapping[str, Estimate]) -> tuple[str, ...]:
+    """What is said of parameters that a wider range would let go further."""
+    at = [name for name, e in parameters.items() if e.at_bound and not _least(e)]
     if not at:
         return ()
     return (
         f"{', '.join(at)} {'is' if len(at) == 1 else 'are'} at the edge of the population's range: "
         "widen the range, or look for a missing effect",
     )
+
+
+def _least(e: Estimate) -> bool:
+    """Whether an estimate at an edge of its range is 0, such as a friction, and cannot be less."""
+    return e.limits is not None and e.limits[0] == 0.0 and 2 * e.value < e.limits[1]

@@ -74,6 +74,7 @@ COLUMNS = {
     "q_dot_FL_hip": ("FL_hip/velocity", "state"),
     "FL_hip_theta_dot": ("FL_hip/velocity", "state"),
     "FL_hip_qdot": ("FL_hip/velocity", "state"),
+    "rate_FL_hip": ("FL_hip/velocity", "state"),
     "cmd_FL_hip": ("FL_hip/target", "action"),
     "action[FL_hip.pos]": ("FL_hip/target", "action"),
     "tau_cmd_FL_hip": ("FL_hip/torque", "action"),
