@@ -12,16 +12,18 @@ from dynreg.data.series import STAMP_TOLERANCE, Finding, Series, clean
 from dynreg.errors import LogError
 from dynreg.limits import limits, refuse
 
+STREAM = 20  # changes of a signal from which on they may be a stream: fewer lie together by chance
+NEARLY, MOST = 0.25, 0.95  # of a period, about the same part of which this share of a stream's changes comes
 MUCH = 0.05  # share of an episode's time that is not left out without a word
 
 
 def resample(episode: RawEpisode, spec: RecordingSpec) -> tuple[float, np.ndarray, np.ndarray]:
     """Bring an episode's channels to one time base.
 
-    States and inputs are interpolated linearly; actions and flags hold their last value. Where a state is silent, or
-    any signal has NaN, for longer than can be filled in (`gaps.silences`), it is NaN. The grid runs from the first
-    stamp that all channels have reached to the last that none has left (flags and commands that are logged when they
-    change stand until then), at `spec.rate`; without a rate it has the stamps of the first action.
+    States and inputs are interpolated linearly; actions and flags hold their last value (see `_within`). Where a state
+    is silent, or any signal has NaN, for longer than can be filled in (`gaps.silences`), it is NaN. The grid runs from
+    the first stamp that all channels have reached to the last that none has left (flags and commands that are logged
+    when they change stand until then), at `spec.rate`; without a rate it has the stamps of the first action.
 
     Returns
     -------
@@ -35,12 +37,12 @@ def resample(episode: RawEpisode, spec: RecordingSpec) -> tuple[float, np.ndarra
     start, end = common_span(episode, series, spec)
     grid = _grid(episode, series, spec, start, end)
     values = np.full((len(grid), len(spec.channels)), np.nan)
+    within = _within(series, spec, start)
     for column, channel in enumerate(spec.channels):
         if channel.name in series:
             kept = series[channel.name]
-            told = clean(kept)
-            within = late(told, start, 1.0 / spec.rate) if channel.hold and spec.rate else STAMP_TOLERANCE
-            values[:, column] = at(told, start + grid, channel.hold, within)
+            counts = within.get(channel.name, STAMP_TOLERANCE)
+            values[:, column] = at(clean(kept), start + grid, channel.hold, counts)
             raw = episode.channels[channel.name]
             values[_unknown(raw, kept.time, start + grid, channel, timed=spec.rate is None), column] = np.nan
     return start, grid, values
@@ -72,20 +74,30 @@ def at(series: Series, time: np.ndarray, hold: bool, within: float = STAMP_TOLER
     return series.values[np.maximum(last, 0)]
 
 
-def late(series: Series, start: float, period: float) -> float:
-    """How long after a row of the grid a command still counts for it [s], so that stamps that scatter change no row.
+def _within(series: dict[str, Series], spec: RecordingSpec, start: float) -> dict[str, float]:
+    """{held channel: how long after a row of the grid what it says still counts for that row [s]}.
 
-    A stream of commands comes at nearly the same part of a period, before or after the row as its stamps scatter. So
-    rows are parted where none come that say anything new: in the middle of the longest such part of a period. Where
-    that is less than half of one, commands come at any time, and count from the next row on.
+    A stream of commands comes at nearly the same part of a period, before or after the row as its stamps scatter. There
+    each counts for the nearest row, so that none moves to another. Signals that share stamps are parted alike. What
+    changes seldom, or comes at any part of a period, counts from the next row on.
     """
-    new = np.append(True, np.diff(series.values) != 0)
-    parts = np.sort(np.mod(series.time[new] - start, period))
-    free = np.append(parts[1:], parts[:1] + period) - parts
-    longest = int(np.argmax(free))
-    if free[longest] < 0.5 * period:
-        return STAMP_TOLERANCE
-    return max(float((parts[longest] + 0.5 * free[longest]) % period), STAMP_TOLERANCE)
+    if spec.rate is None:
+        return {}
+    shared: dict[bytes, list[str]] = {}
+    for name in (c.name for c in spec.channels if c.hold and c.name in series):
+        shared.setdefault(clean(series[name]).time.tobytes(), []).append(name)
+    out = {}
+    for names in shared.values():
+        held = [clean(series[name]) for name in names]
+        new = np.any([np.diff(one.values) != 0 for one in held], axis=0)
+        parts = (held[0].time[1:][new] - start) * spec.rate
+        if len(parts) < STREAM:
+            continue
+        middle = float(np.angle(np.exp(2j * np.pi * parts).mean()) / (2 * np.pi))
+        off = np.abs((parts - middle + 0.5) % 1.0 - 0.5)
+        if np.mean(off < NEARLY) >= MOST:
+            out |= dict.fromkeys(names, max(((middle + 0.5) % 1.0) / spec.rate, STAMP_TOLERANCE))
+    return out
 
 
 def common_span(episode: RawEpisode, series: dict[str, Series], spec: RecordingSpec) -> tuple[float, float]:

@@ -8,7 +8,7 @@ from dynreg.data.names import quantity_of
 from dynreg.data.recording import Recording
 from dynreg.diagnose.joints import fixed_unseen, only_joints
 from dynreg.diagnose.options import DiagnosisOptions
-from dynreg.diagnose.starts import apart, begun
+from dynreg.diagnose.starts import changes, from_other_starts
 from dynreg.errors import LogError, UsageError
 from dynreg.evidence.accuracy import usual
 from dynreg.evidence.data import Data
@@ -27,7 +27,9 @@ from dynreg.sim.robot import Robot, require_commands
 
 FEWEST = 50  # measured rows in each of fit and select, by contract: fewer samples identify no cause
 PIECES = 6  # of an episode: one to test, and some to fit and to select by
-LOOKED_AT = 16  # windows, by which the noise that starts leave is told
+LOOKED_AT = (
+    16  # windows by which the noise that starts leave is told: with `starts.STARTS` of each to a tenth
+)
 STANDS = 0.05  # rad (m) by which joints may differ from the settled reset pose: more is another pose
 
 
@@ -66,7 +68,8 @@ def pose(
         coordinates = Coordinates(robot, known, centre, options.tolerance)
     accuracy = usual(robot, options.engine)
     model = Model(robot, coordinates, options.engine, begun, accuracy)
-    noise = _noise(robot, cut, options, robot.space.nominal if centre is None else centre)
+    values = robot.space.nominal if centre is None else centre
+    noise = _noise(robot, cut.take(split.chosen), options, values)
     return model, Data.of(robot, cut, split, accuracy.segment, noise)
 
 
@@ -139,9 +142,9 @@ def _settled(robot: Robot, cut: Windows, options: DiagnosisOptions) -> Windows:
 def _noise(robot: Robot, cut: Windows, options: DiagnosisOptions, values: np.ndarray) -> np.ndarray:
     """(S,) 1 sigma of every channel: its sensor's, or what the noise of the starts leaves where that is more.
 
-    A joint that no servo holds never forgets how it set out. Of a simulator with `values` (P,), in the middle one of
-    some windows: one in which a joint tips over must not count for all. Bases have their own: `verdict.lefts`. Feet
-    that touch the ground slip and stick again, which tells more than how they set out.
+    A joint that no servo holds never forgets how it set out. It is told by the simulator with `values` (P,), and by the
+    middle one of some windows: one in which a joint tips over must not count for all. What a base's start leaves is
+    told by `verdict.lefts`. With contacts it is not known how much of it slips cover.
     """
     if (
         robot.floating
@@ -150,10 +153,10 @@ def _noise(robot: Robot, cut: Windows, options: DiagnosisOptions, values: np.nda
     ):
         return robot.sensor_noise
     some = np.unique(np.linspace(0, len(cut) - 1, LOOKED_AT).round().astype(int))
-    run = begun(cut.run, some, robot.sensor_noise)
+    run = from_other_starts(cut.run, some, robot.sensor_noise)
     states = rollout(robot, values[None], run, engine=options.engine, threads=options.threads).states[0]
-    squares = np.square(apart(states, cut.spread))
-    known = np.isfinite(squares)
+    squares = np.square(changes(states, cut.spread))
+    known = np.isfinite(squares) & np.isfinite(cut.measured[some])[None, :, 1:]
     each = np.where(known, squares, 0.0).sum(axis=(0, 2)) / np.maximum(known.sum(axis=(0, 2)), 1)
     return np.maximum(robot.sensor_noise, np.sqrt(np.median(each, axis=0)) * cut.spread)
 

@@ -8,10 +8,10 @@ from dynreg.replay.residual import scaled
 from dynreg.rng import stream
 from dynreg.sim.run import Run
 
-STARTS = 8  # other starts of each window; of 16 windows they tell the size of what they change to a tenth
+STARTS = 8  # other starts of each window
 
 
-def begun(run: Run, chosen: np.ndarray, noise: np.ndarray) -> Run:
+def from_other_starts(run: Run, chosen: np.ndarray, noise: np.ndarray) -> Run:
     """Episodes `chosen` (m,) of a run, first from their own starts, then from others with `noise` (S,), m at a time."""
     off = stream(0, "start noise").standard_normal((1 + STARTS, len(chosen), run.initial.shape[1]))
     off[0] = 0.0
@@ -19,7 +19,7 @@ def begun(run: Run, chosen: np.ndarray, noise: np.ndarray) -> Run:
     return replace(run.take(np.tile(chosen, 1 + STARTS)), initial=initial.reshape(-1, initial.shape[2]))
 
 
-def apart(states: np.ndarray, spread: np.ndarray) -> np.ndarray:
-    """(`STARTS`, m, T, S) changes of rollouts ((1 + `STARTS`) m, T+1, S) of what `begun` made, in units of `spread`."""
+def changes(states: np.ndarray, spread: np.ndarray) -> np.ndarray:
+    """(`STARTS`, m, T, S) changes of the rollouts ((1 + `STARTS`) m, T+1, S) of such a run, in units of `spread`."""
     found = states.reshape(1 + STARTS, -1, *states.shape[1:])[..., 1:, :]
     return scaled(found[1:], found[0], spread)

@@ -12,7 +12,7 @@ from dynreg.diagnose.kinds import Verdict
 from dynreg.diagnose.plans.plan import State
 from dynreg.diagnose.pose import placed
 from dynreg.diagnose.score import Naming
-from dynreg.diagnose.starts import apart, begun
+from dynreg.diagnose.starts import changes, from_other_starts
 from dynreg.diagnose.tail import exceeded
 from dynreg.evidence.data import Data
 from dynreg.evidence.hypothesis import single_terms
@@ -210,10 +210,11 @@ def start_noise(model: Model, point: Point, windows: Windows, rough: bool) -> Se
     if not own.any():
         return np.zeros(len(robot.channels))
     measured = np.flatnonzero(own)  # the others begin settled, without that noise
-    (states,) = yield from model.states([point], begun(windows.run, measured, robot.sensor_noise))
-    changes = apart(states, windows.spread)
-    changes = changes.reshape(-1, *changes.shape[2:])
-    sizes = [remaining(changes[..., c], rough) for c in range(len(robot.channels))]
+    run = from_other_starts(windows.run, measured, robot.sensor_noise)
+    (states,) = yield from model.states([point], run)
+    apart = changes(states, windows.spread)
+    apart = apart.reshape(-1, *apart.shape[2:])
+    sizes = [remaining(apart[..., c], rough) for c in range(len(robot.channels))]
     return np.array(sizes) * windows.spread * np.sqrt(own.mean())
 
 

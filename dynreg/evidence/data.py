@@ -45,8 +45,9 @@ class Data:
         segment: float | None = None,
         noise: np.ndarray | None = None,
     ) -> "Data":
-        """Of a robot; segment : [s] of a rollout that share a variance, None for all of it. noise : by default the
-        sensors'.
+        """Of a robot.
+
+        segment : [s] of a rollout that share a variance, None for all of it. noise : by default that of the sensors.
         """
         rows = windows.measured.shape[1] - 1
         segments = 1 if segment is None else max(round(rows * windows.period / segment), 1)

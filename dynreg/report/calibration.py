@@ -110,7 +110,7 @@ def _tries(result: Calibration) -> Iterator[str]:
     if same and all(same):
         yield "Nothing better was found than what it began with: raise --budget, or try another method."
     if result.test_error is None:
-        yield to_hold_out(result.parts or {}, CUT)
+        yield to_hold_out(result.parts, CUT)
     else:
         named = result.recording_name or result.recording[:12]
         yield f"Compare: {command('compare', named, '--with', f'nominal,{result.simulator[:12]}')}"

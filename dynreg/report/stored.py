@@ -39,11 +39,7 @@ def tables(result: Result) -> RenderableType:
 def _population(result: PopulationSummary) -> Group:
     if result.expected is not None:
         return _expected(result, result.expected)
-    added = (
-        f"{result.added} added in {result.seconds:.1f} s"
-        if result.added
-        else "none added: so many were there"
-    )
+    added = f"{result.added} added in {result.seconds:.1f} s" if result.added else "none added"
     text = (
         f"population {result.population[:12]} of {result.robot}: {result.entries} of {result.planned}"
         f" simulators, {added}"

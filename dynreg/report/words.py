@@ -98,15 +98,17 @@ def held_out_words(parts: Mapping[str, Sequence[str]]) -> str:
     return f"Held out: {shown}, {pieces} of {runs} fitted as well. How it does in another run was not tested."
 
 
-def to_hold_out(parts: Mapping[str, Sequence[str]], cut: str) -> str:
+def to_hold_out(parts: Mapping[str, Sequence[str]] | None, cut: str) -> str:
     """What to do where nothing was held out; cut : how to make more rollouts, for of two none can be held out.
+
+    parts : None in documents that tell none.
 
     >>> to_hold_out({"fit": ("a", "b"), "select": ("c",)}, "cut them shorter")
     'Nothing was held out. Record more episodes, or use --hold-out.'
     >>> to_hold_out({"fit": ("a",), "select": ("b",)}, "cut them shorter")
     'Nothing was held out. Record more episodes, or cut them shorter.'
     """
-    few = sum(map(len, parts.values())) < FEWEST_PARTED
+    few = parts is not None and sum(map(len, parts.values())) < FEWEST_PARTED
     return f"Nothing was held out. Record more episodes, or {cut if few else 'use --hold-out'}."
 
 

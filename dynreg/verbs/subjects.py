@@ -129,7 +129,7 @@ def _of_own_map(problem: DynregError, path: Path, robot: "Robot") -> DynregError
     """What is wrong with a log or the map that its robot brings; nobody corrects one that comes with dynreg."""
     from dynreg.sim.robot import is_packaged
 
-    if not is_packaged(robot):
+    if isinstance(problem, LogError) or not is_packaged(robot):
         by = f"{problem.problem} (the robot's map {path})"
         return type(problem)(by, expected=problem.expected, do=problem.do)
     return type(problem)(

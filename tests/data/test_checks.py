@@ -502,8 +502,9 @@ def test_a_velocity_a_thousand_times_too_large_may_be_a_clock_of_milliseconds():
 @pytest.mark.parametrize(
     ("order", "do"),
     [
-        (np.arange(801)[::-1], "out of order: sort them"),
-        (np.r_[:400, 401, 400, 402:801], "out of order: sort them"),
+        (np.arange(801)[::-1], "in reverse order: sort"),
+        (np.r_[:400, 401, 400, 402:801], "if rows are out of order, sort"),
+        (np.r_[:400, 398:799], "if the clock was set back, split"),
         (np.r_[500:801, :500], 'split there with by = "gaps"'),
     ],
 )
@@ -516,11 +517,13 @@ def test_rows_in_a_wrong_order_are_to_be_sorted_and_runs_one_after_another_split
 
 
 def test_a_log_of_a_few_steps_is_refused_and_a_short_episode_beside_longer_ones_is_told(
-    write_table: Callable, swing: Columns, servo_spec: RecordingSpec
+    tmp_path: Path, write_table: Callable, swing: Columns, servo_spec: RecordingSpec
 ):
     short = {name: column[:6] for name, column in swing.items()}
     with pytest.raises(LogError, match="lasts 0.0.*less than 10 steps.*record longer"):
         read_recording(write_table("short.csv", **short), servo_spec)
-    both = [write_table("short.csv", **short), write_table("long.csv", **swing)]
-    (told,) = [f for f in doctor(both, servo_spec) if f.check == "short"]
-    assert told.severity == "warning" and "short.csv" in told.where
+    (tmp_path / "again").mkdir()
+    both = [write_table("log.csv", **short), write_table("again/log.csv", **swing)]
+    for logs in (both, both[::-1]):  # of one name
+        (told,) = [f for f in doctor(logs, servo_spec) if f.check == "short"]
+        assert told.severity == "warning" and told.where == "log.csv, episode log"

@@ -95,22 +95,26 @@ def test_columns_that_name_a_joint(column: str, tmp_path: Path):
 
 
 def test_a_letter_beside_a_joints_name_tells_a_position_from_a_velocity(tmp_path: Path):
-    """Two servos of one joint: the position's targets are not those of the velocity, which may never change."""
+    """Of two servos of one joint: the position's targets are not those of the velocity, which may never change.
+
+    What is measured is told by words: "hip_v" may be its voltage.
+    """
     columns = {
         "hip_p_cmd": np.arange(5),
         "hip_v_cmd": np.zeros(5),
-        "hip_p": np.arange(5),
-        "hip_v": np.ones(5),
+        "hip_q": np.arange(5),
+        "hip_dq": np.ones(5),
     }
     wanted = {
         ("hip/target", "rad", "action"): "hip_p_cmd",
         ("hip/velocity_target", "rad/s", "action"): "hip_v_cmd",
-        ("hip/position", "rad", "state"): "hip_p",
-        ("hip/velocity", "rad/s", "state"): "hip_v",
+        ("hip/position", "rad", "state"): "hip_q",
+        ("hip/velocity", "rad/s", "state"): "hip_dq",
         ("hip/voltage", "V", "action"): "hip_v_cmd",  # "v" is its unit, too
     }
     for channel, source in wanted.items():
-        drafted = draft_map(table(tmp_path, **columns), spec_of(channel))
+        log = table(tmp_path, **columns, hip_v=np.full(5, 12.0), hip_p=np.full(5, 3.0))
+        drafted = draft_map(log, spec_of(channel))
         assert drafted.sources[channel[0]].keys["source"] == source, channel
         assert not drafted.sources[channel[0]].ambiguous
 
@@ -241,13 +245,17 @@ def test_one_angle_in_degrees_tells_of_the_others_of_its_table(what: str, tmp_pa
     assert (guessed in draft_map(log, spec).text) is (what not in ("a position in rad", "all but a glitch"))
 
 
-@pytest.mark.parametrize("measured", ["one position", "all positions"])
+@pytest.mark.parametrize("measured", ["one position", "all positions", "all but an idle target"])
 def test_targets_in_rad_tell_which_positions_are_in_degrees(measured: str, tmp_path: Path):
     """One position of the table, whose own target is far smaller; or all of them, however little one moves."""
     t = 0.01 * np.arange(400)
     arm, leg = 1.5 * np.sin(t), 0.3 * np.sin(t)
-    told = np.degrees(leg) if measured == "all positions" else leg
-    log = table(tmp_path, arm_pos=np.degrees(arm), leg_pos=told, cmd_arm=arm, cmd_leg=1.1 * leg)
+    told, asked = (leg if measured == "one position" else np.degrees(leg)), arm
+    if (
+        measured == "all but an idle target"
+    ):  # the arm is moved by hand: that it is told 0 does not tell its unit
+        asked, leg = 0.0 * arm, np.degrees(leg)
+    log = table(tmp_path, arm_pos=np.degrees(arm), leg_pos=told, cmd_arm=asked, cmd_leg=1.1 * leg)
     spec = spec_of(
         ("arm/position", "rad", "state", True, -2.0, 2.0),
         ("leg/position", "rad", "state", True, -2.0, 2.0),
@@ -255,8 +263,9 @@ def test_targets_in_rad_tell_which_positions_are_in_degrees(measured: str, tmp_p
         ("leg/target", "rad", "action", True, -2.0, 2.0),
     )
     found = units_of(log, spec)
-    assert found["arm/position"] == "deg" and found["arm/target"] == found["leg/target"] == "rad"
-    assert found["leg/position"] == ("deg" if measured == "all positions" else "rad")
+    assert found["arm/position"] == "deg" and found["arm/target"] == "rad"
+    assert found["leg/target"] == ("deg" if measured == "all but an idle target" else "rad")
+    assert found["leg/position"] == ("rad" if measured == "one position" else "deg")
 
 
 WRITTEN = {"°": "deg", "Deg": "deg", "degrees": "deg", "radians": "rad", "mrad": "mrad"}

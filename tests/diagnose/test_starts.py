@@ -16,6 +16,8 @@ from dynreg.sim.engines import rollout
 from dynreg.sim.robot import Robot, load_robot
 from dynreg.sim.run import Run
 
+ASKED = DiagnosisOptions(hold_out="e3", threads=1)
+
 
 def logged(robot: Robot, commands: np.ndarray) -> Recording:
     """What the nominal robot logs of commands (E, T, A), with the noise of its sensors."""
@@ -49,17 +51,34 @@ def swung(robot: Robot, size: float) -> np.ndarray:
     return size * waves.sum(axis=1)[..., None] / 3
 
 
-@pytest.mark.parametrize(("name", "size"), [("simple_pendulum", 1.5), ("servo_pendulum", 0.5)])
-def test_only_a_joint_that_no_servo_holds_keeps_the_noise_of_its_start(name: str, size: float):
-    robot = precise(name, horizon=1.0)
-    log = logged(robot, swung(robot, size))
-    model, data = pose(robot, log, DiagnosisOptions(hold_out="e3", threads=1))
-    position = robot.channels.index(next(c for c in robot.channels if c.endswith("/position")))
-    if name == "servo_pendulum":
-        assert data.noise[position] == robot.sensor_noise[position]
-        return
+def test_a_servo_makes_good_what_the_noise_of_its_start_did():
+    robot = precise("servo_pendulum", horizon=1.0)
+    log = logged(robot, swung(robot, 0.5))
+    _, data = pose(robot, log, ASKED)
+    assert np.array_equal(data.noise, robot.sensor_noise)
+
+
+def test_what_the_noise_of_a_start_leaves_is_no_unknown_cause():
+    robot = precise("simple_pendulum", horizon=1.0)
+    position = robot.channels.index("pivot/position")
+    log = logged(robot, swung(robot, 1.5))
+    model, data = pose(robot, log, ASKED)
     assert 5 < data.noise[position] / robot.sensor_noise[position] < 100
     model = replace(model, accuracy=replace(model.accuracy, finer=1.0))  # as the log was made
     found = run(Evidence.of(State(model, data.sample(data.fit), model.start, model.start), log))
     assert found.noise.basis == "stated_noise" and found.explained, "the simulator is the robot"
     assert found.noise.left > 4 * robot.sensor_noise[position]
+
+
+def test_neither_what_is_held_out_nor_what_was_not_measured_tells_the_noise():
+    robot = precise("simple_pendulum", horizon=1.0)
+    log = logged(robot, swung(robot, 1.5))
+    told = pose(robot, log, ASKED)[1].noise
+    *kept, held = log.episodes
+    other = replace(held, values=np.flip(held.values, axis=0))
+    assert np.array_equal(pose(robot, replace(log, episodes=(*kept, other)), ASKED)[1].noise, told)
+    robot = precise("simple_pendulum", horizon=6.0)
+    short = [replace(e, time=e.time[:80], values=e.values[:80]) for e in log.episodes]
+    alone = pose(robot, replace(log, episodes=tuple(short)), ASKED)[1].noise
+    beside = pose(robot, replace(log, episodes=(*short, replace(held, name="long"))), ASKED)[1].noise
+    assert beside == pytest.approx(alone, rel=0.15), "their commands go on to the end of the longest"

@@ -10,7 +10,7 @@ from tiny_registry import bench_csv
 
 import dynreg
 from dynreg.data.recording import Recording
-from dynreg.errors import MapError, NoMatchError, UsageError
+from dynreg.errors import LogError, MapError, NoMatchError, UsageError
 from dynreg.report.stored import channel_words
 from dynreg.verbs.robots import robot_check, robot_copy
 from dynreg.verbs.subjects import every_recorded, found_in
@@ -103,6 +103,12 @@ def test_nobody_is_asked_to_correct_a_map_that_comes_with_dynreg(tmp_path: Path)
         ) as told:
             session.ingest(tmp_path / "run.json", "servo_pendulum")
     assert told.value.do.startswith("draft a map of this log"), told.value
+    for k, one in enumerate(rows):
+        one["timestamp"] = k * 1e4
+    (tmp_path / "run.json").write_text(json.dumps({"kp": 8.0, "trajectory": "sine", "entries": rows}))
+    with dynreg.open(tmp_path / "registry") as session, pytest.raises(LogError) as told:
+        session.ingest(tmp_path / "run.json", "servo_pendulum")
+    assert "time_unit" in told.value.do, "what a log lacks is told as it is"
 
 
 def test_what_looks_like_a_log_and_is_none_is_told_as_such(tmp_path: Path):

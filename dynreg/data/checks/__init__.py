@@ -63,12 +63,12 @@ def check_lengths(episodes: Sequence[RawEpisode], spec: RecordingSpec) -> Iterat
     """Episodes of a few control steps: warnings beside longer ones, errors where there are no others."""
     if spec.rate is None:
         return
-    lasting = {f"{e.file}, episode {e.name}": _lasts(_states(e, spec)) for e in episodes}
-    short = {where: duration for where, duration in lasting.items() if duration * spec.rate < STEPS}
-    severity = "error" if len(short) == len(lasting) else "warning"
-    for where, duration in short.items():
+    lasting = [_lasts(_states(e, spec)) for e in episodes]
+    short = [duration * spec.rate < STEPS - 1e-6 for duration in lasting]
+    severity, do = ("error", "record longer") if all(short) else ("warning", "")
+    for e, duration in ((e, t) for e, t, few in zip(episodes, lasting, short, strict=True) if few):
         text = f"lasts {duration:.3f} s, less than {STEPS} steps at {spec.rate:g} Hz"
-        yield Finding(severity, "short", where, text, "record longer" if severity == "error" else "")
+        yield Finding(severity, "short", f"{e.file}, episode {e.name}", text, do)
 
 
 def _states(episode: RawEpisode, spec: RecordingSpec) -> list[Series]:

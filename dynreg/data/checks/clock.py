@@ -14,7 +14,7 @@ STANDSTILL_ROWS = 10  # rows with one and the same stamp that make a stopped clo
 SHARED = 0.1  # share of the rows with the stamp of the row before, from which on stamps are coarse
 ALIKE = 3.0  # times the usual number of rows with one stamp that a coarse clock may stay at one
 WHOLE = 0.01  # of the step of a coarse clock, by which its steps may miss a whole number of that
-NEAR = 5.0  # of the usual step, by which rows that changed places lie apart at most
+NEAR = 5.0  # usual steps, by which rows that changed places lie apart at most
 STAMPS = "mend it, or write the stamps with more digits"
 JITTER = 3.0  # 99th percentile over median period
 SLOW_STEP = 2.0  # [s] between rows: a clock in another unit, where nothing tells that it counts seconds
@@ -129,11 +129,13 @@ def check_clock(
 
 def _to_mend(time: np.ndarray) -> str:
     """What to do with stamps (T,) that run back: rows in a wrong order are sorted, runs one after another are split."""
-    steps, back = np.diff(np.sort(time)), -np.diff(time).min()
-    usual = float(np.median(steps))
-    if (np.diff(time) <= 0).all() or (back < NEAR * usual and steps.min() > usual / NEAR):
-        return "rows are out of order: sort them by their stamps"
-    return 'mend it, or split there with by = "gaps" under [episodes]'
+    steps = np.diff(time)
+    sort, split = "sort the rows by their stamps", 'split there with by = "gaps" under [episodes]'
+    if (steps <= 0).all():
+        return f"the rows are in reverse order: {sort}"
+    if -steps.min() < NEAR * np.median(np.abs(steps)):
+        return f"if rows are out of order, {sort}; if the clock was set back, {split}"
+    return f"mend it, or {split}"
 
 
 def coarse(signals: Iterable[Series]) -> Coarse | None:

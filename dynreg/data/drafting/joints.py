@@ -11,7 +11,7 @@ from dynreg.data.names import joint_of, quantity_of
 from dynreg.data.schema import ChannelSpec, RecordingSpec
 from dynreg.data.words import core, quantity, strange, without, words
 
-LETTERS = {"p": "position", "v": "velocity"}  # that say what is measured of a joint
+LETTERS = {"p": "position", "v": "velocity"}  # that say what a joint's servo is told
 Named = Sequence[tuple[Offer, tuple[str, ...]]]  # offers that name a joint, and the words beside its name
 Owned = Mapping[str, list[tuple[Offer, tuple[str, ...]]]]
 
@@ -107,7 +107,7 @@ def of_joint(named: Named, channel: ChannelSpec, *notes: str) -> Source | None:
     wanted = wanted or KINDS.get(channel.unit)
     rated = []
     for offer, every in named:
-        told, rest = _said(every, offer.topic, wanted)
+        told, rest = _said(every, offer.topic, wanted if offer.command else None)
         measured_command = channel.kind == "action" and not offer.command
         if offer.command and channel.kind in ("state", "input"):
             continue
@@ -127,7 +127,7 @@ def of_joint(named: Named, channel: ChannelSpec, *notes: str) -> Source | None:
 def _said(told: tuple[str, ...], topic: str, wanted: str | None) -> tuple[str | None, tuple[str, ...]]:
     """What the words beside a joint's name say is measured, and the words without a letter that says it.
 
-    A letter says it where a position or a velocity is wanted: beside others, "v" is the unit of a voltage.
+    A letter says it of a command, where a position or a velocity is `wanted`: else "v" is the unit of a voltage.
 
     >>> _said(("p", "cmd"), "", "position"), _said(("v", "cmd"), "", "position"), _said(("v", "cmd"), "", "voltage")
     (('position', ('cmd',)), ('velocity', ('cmd',)), (None, ('v', 'cmd')))

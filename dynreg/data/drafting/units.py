@@ -64,9 +64,9 @@ def degrees(
     An angle is taken for degrees where it goes far beyond the joint's limits, and a velocity where it is the rate of a
     position in degrees. What has no limits may turn for ever (a wheel, a heading), and ROS has angles in rad (REP 103).
     Where one angle goes so far and is no glitch, the others of the table are in degrees too, however small. But where
-    another of its own joint is far smaller, as a target in rad is, angles of that kind stay in rad, and with them what
-    is as large as one of them of the same joint. What would go too far in degrees too, or has whole numbers, is asked
-    about: such angles stay as they are.
+    another angle of its own joint is far smaller, and moves, angles of that kind are in rad: targets, say. So is a
+    position that is as large as its joint's target in rad. What would go too far in degrees too, or has whole numbers,
+    is asked about: such angles stay as they are.
     chosen : {channel: offer} of the channels that have one. units : theirs.
     """
     reach = _reach(channels)
@@ -84,9 +84,11 @@ def degrees(
     as_others = any(usual(angles[name].values) > most[name] for name in far)
     out |= {name: ("deg", BEYOND_LIMITS.format(size)) for name, size in far.items()}
     near = {name: largest(series) for name, series in angles.items() if name not in far}
-    radians = {name for name, size in near.items() if _beside(name, far) > APART * size}
-    kinds = {quantity_of(name) for name in radians}
-    for name in [n for n in near if as_others and n not in out]:
+    small = {name for name, size in near.items() if _beside(name, far) > APART * size}
+    kinds = {
+        quantity_of(name) for name in small if _beside(name, far) < 10 * APART * near[name]
+    }  # not what stands still
+    for name in [n for n in near if as_others and n not in {*out, *small}]:
         alike = {n: size for n, size in near.items() if quantity_of(n) in kinds and APART * size > near[name]}
         if quantity_of(name) not in kinds and not _beside(name, alike):
             out[name] = ("deg", AS_OTHERS)
