@@ -30,7 +30,7 @@ from dynreg.results.result import Gain, change
 TIED = 3  # equivalents of a cause that a headline names
 NOISE_FLOORS = {
     "repeatability": "the difference of repeated runs",
-    "stated_noise": "the stated sensor noise",
+    "stated_noise": "what the stated sensor noise leaves",
 }
 
 
