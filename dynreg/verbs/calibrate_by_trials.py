@@ -64,8 +64,9 @@ def calibrate_by_trials(
     registry.check_writable()
     asked = Built(registry, robot_to_try(registry, subject, settings.method))
     task = _task(asked.robot, settings)  # a mistake here, or in gait and start, makes no folder
-    rules = Rules() if rules is None else rules
-    require("rules", rules, Rules)
+    if rules is not None:
+        require("rules", rules, Rules)
+    rules = rules or Rules()
     told = {name: getattr(settings, name) for name in ("goal", "search")}
     rules = replace(rules, **{name: value for name, value in told.items() if value is not None})
     _require_enough(asked.robot, task, settings, rules)

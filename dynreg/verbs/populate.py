@@ -139,9 +139,9 @@ def with_models(
     from dynreg.verbs.populations import Plan, begin, fill, link
 
     report, watch, began = progress or (lambda *_: None), Stopwatch(), time.perf_counter()
-    training = Training() if training is None else training
-    require("training", training, Training)
-    plan = Plan(n, settings.seed, training, settings.shard_size, settings.threads)
+    if training is not None:
+        require("training", training, Training)
+    plan = Plan(n, settings.seed, training or Training(), settings.shard_size, settings.threads)
     robot = robot if settings.ranges is None else with_population(robot, settings.ranges)
     if settings.dry_run:
         return foretell(registry, robot, plan, report, linked=settings.link)
