@@ -27,9 +27,7 @@ from dynreg.sim.robot import Robot, require_commands
 
 FEWEST = 50  # measured rows in each of fit and select, by contract: fewer samples identify no cause
 PIECES = 6  # of an episode: one to test, and some to fit and to select by
-LOOKED_AT = (
-    16  # windows by which the noise that starts leave is told: with `starts.STARTS` of each to a tenth
-)
+LOOKED_AT = 16  # windows that tell what the noise of starts leaves, with `starts.STARTS` of each to a tenth
 STANDS = 0.05  # rad (m) by which joints may differ from the settled reset pose: more is another pose
 
 
@@ -142,9 +140,9 @@ def _settled(robot: Robot, cut: Windows, options: DiagnosisOptions) -> Windows:
 def _noise(robot: Robot, cut: Windows, options: DiagnosisOptions, values: np.ndarray) -> np.ndarray:
     """(S,) 1 sigma of every channel: its sensor's, or what the noise of the starts leaves where that is more.
 
-    A joint that no servo holds never forgets how it set out. It is told by the simulator with `values` (P,), and by the
-    middle one of some windows: one in which a joint tips over must not count for all. What a base's start leaves is
-    told by `verdict.lefts`. With contacts it is not known how much of it slips cover.
+    A joint that no servo holds never forgets how it set out. The simulator with `values` (P,) tells how much that is, in
+    the middle one of some windows: one in which a joint tips over must not count for all. `verdict.lefts` tells it of
+    bases. With contacts, where feet slip and stick, it has not been tried.
     """
     if (
         robot.floating

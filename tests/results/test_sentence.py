@@ -64,7 +64,9 @@ def test_a_part_is_called_a_part_and_every_cause_that_helps_is_named() -> None:
     said = diagnosis_sentence(MADE["partly_explained"].model_copy(update={"causes": (first, sure)}))
     assert said.startswith("load_friction of arm") and "and command_delay" in said
     assert said.endswith("explain part of the error of bench_monday.")
-    assert diagnosis_details(MADE["partly_explained"])[-1].endswith("times what the stated sensor noise leaves.")
+    assert diagnosis_details(MADE["partly_explained"])[-1].endswith(
+        "times what the stated sensor noise leaves."
+    )
 
 
 def test_the_gain_of_all_causes_is_given_where_it_is_known() -> None:

@@ -85,9 +85,9 @@ def degrees(
     out |= {name: ("deg", BEYOND_LIMITS.format(size)) for name, size in far.items()}
     near = {name: largest(series) for name, series in angles.items() if name not in far}
     small = {name for name, size in near.items() if _beside(name, far) > APART * size}
-    kinds = {
-        quantity_of(name) for name in small if _beside(name, far) < 10 * APART * near[name]
-    }  # not what stands still
+    # degrees are 57 times as large as radians; what stands still is smaller than that, and tells nothing
+    moving = [name for name in small if _beside(name, far) < 10 * APART * near[name]]
+    kinds = {quantity_of(name) for name in moving}
     for name in [n for n in near if as_others and n not in {*out, *small}]:
         alike = {n: size for n, size in near.items() if quantity_of(n) in kinds and APART * size > near[name]}
         if quantity_of(name) not in kinds and not _beside(name, alike):

@@ -91,7 +91,10 @@ def _tiles(result: Diagnosis) -> list[tuple[str, str]]:
             )
         )
     if result.noise is not None and result.noise.ratio is not None:
-        floor = {"repeatability": "repeated runs' difference", "stated_noise": "error that stated sensor noise leaves"}
+        floor = {
+            "repeatability": "repeated runs' difference",
+            "stated_noise": "error that stated sensor noise leaves",
+        }
         tiles.append(
             (f"{times(result.noise.ratio)} x", f"unexplained error, over the {floor[result.noise.basis]}")
         )
