@@ -140,9 +140,9 @@ def _settled(robot: Robot, cut: Windows, options: DiagnosisOptions) -> Windows:
 def _noise(robot: Robot, cut: Windows, options: DiagnosisOptions, values: np.ndarray) -> np.ndarray:
     """(S,) 1 sigma of every channel: its sensor's, or what the noise of the starts leaves where that is more.
 
-    A joint that no servo holds never forgets how it set out. The simulator with `values` (P,) tells how much that is, in
-    the middle one of some windows: one in which a joint tips over must not count for all. `verdict.lefts` tells it of
-    bases. With contacts, where feet slip and stick, it has not been tried.
+    A joint that no servo holds never forgets how it set out. The simulator with `values` (P,) tells how much that is,
+    in the middle one of some windows: one in which a joint tips over must not count for all. `verdict.lefts` tells it
+    of bases. With contacts, where feet slip and stick, it has not been tried.
     """
     if (
         robot.floating
