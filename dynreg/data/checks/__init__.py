@@ -81,9 +81,11 @@ def _lasts(states: Sequence[Series]) -> float:
 
     Those are a signal of fewer than two rows, and a clock in another unit: rows that come too fast for any log.
     """
-    known = [s.time[-1] - s.time[0] for s in states if len(s) > 1]
-    fast = any((len(s) - 1) > FASTEST * (s.time[-1] - s.time[0]) for s in states)
-    return float(min(known)) if states and len(known) == len(states) and not fast else math.inf
+    if not states or min(map(len, states)) < 2:
+        return math.inf
+    lasting = [float(s.time[-1] - s.time[0]) for s in states]
+    fast = any(len(s) - 1 > FASTEST * time for s, time in zip(states, lasting, strict=True))
+    return math.inf if fast else min(lasting)
 
 
 def _short(episode: RawEpisode, spec: RecordingSpec, where: str) -> Iterator[Finding]:
