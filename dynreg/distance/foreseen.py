@@ -140,19 +140,24 @@ def gaussian(reach: float, noise: float, slope: float) -> Callable[[np.ndarray],
 
         every = torch.from_numpy(places)
         size = every.square().sum(1)
+
+        def likeness(together: torch.Tensor, first: torch.Tensor, second: torch.Tensor) -> torch.Tensor:
+            apart = (first[:, None] + second - 2.0 * together).clamp_min_(0.0)
+            return apart.mul_(-0.5 / reach**2).exp_().add_(together + LEVEL, alpha=slope)
+
         alike: list[torch.Tensor] = []  # (m, M) how much the judged of each round are like every entry
         row: dict[int, int] = {}  # of each that was judged, in all of these
 
         def foresee(ids: np.ndarray, misses: np.ndarray, others: np.ndarray) -> np.ndarray:
             new = np.array([i for i in ids.tolist() if i not in row], dtype=np.int64)
             row.update(zip(new.tolist(), range(len(row), len(row) + len(new)), strict=True))
-            together = every[new] @ every.T
-            apart = (size[new][:, None] + size - 2.0 * together).clamp_min_(0.0)
-            alike.append(apart.mul_(-0.5 / reach**2).exp_().add_(together + LEVEL, alpha=slope))
+            alike.append(likeness(every[new] @ every.T, size[new], size))
             rows = [row[i] for i in ids.tolist()]
             missed = torch.from_numpy(misses[:, 0]).double()
             level, spread = missed.mean(), missed.std(correction=0).clamp_min(1e-12)
-            gram = torch.cat([part[:, ids] for part in alike])[rows].double()
+            judged = every[ids].double()  # what a rounding of their likeness changes, the solution multiplies
+            own = judged.square().sum(1)
+            gram = likeness(judged @ judged.T, own, own)
             gram.diagonal().add_(noise)
             solved = torch.cholesky_solve(((missed - level) / spread)[:, None], torch.linalg.cholesky(gram))
             weight = torch.zeros(len(row))  # one that was judged may be too far to learn from
