@@ -184,8 +184,8 @@ def named(robot: Robot, hidden: Hidden, causes: list[str] | None) -> str | None:
 def answers(session: dynreg.Session, secret: Secret, given: argparse.Namespace, done: set) -> Iterator[dict]:
     """A line for each method that was not asked about this robot before."""
     walking = secret.robot == "quadruped" and secret.number < given.walks
-    methods = [m for m in given.methods or usual(secret.robot) if able(m, secret.robot)]
-    methods = [m for m in methods if walking or m != BTR]
+    asked_of = [m for m in given.methods or usual(secret.robot) if walking or m != BTR]
+    methods = [m for m in asked_of if able(m, secret.robot)]
     left = [m for m in methods if key_of(secret.key | {"method": m}) not in done]
     if not left:
         return

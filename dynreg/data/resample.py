@@ -83,20 +83,20 @@ def _within(series: dict[str, Series], spec: RecordingSpec, start: float) -> dic
     """
     if spec.rate is None:
         return {}
-    shared: dict[bytes, list[str]] = {}
+    shared: dict[bytes, dict[str, Series]] = {}
     for name in (c.name for c in spec.channels if c.hold and c.name in series):
-        shared.setdefault(clean(series[name]).time.tobytes(), []).append(name)
+        held = clean(series[name])
+        shared.setdefault(held.time.tobytes(), {})[name] = held
     out = {}
-    for names in shared.values():
-        held = [clean(series[name]) for name in names]
-        new = np.any([np.diff(one.values) != 0 for one in held], axis=0)
-        parts = (held[0].time[1:][new] - start) * spec.rate
+    for held in shared.values():
+        new = np.any([np.diff(one.values) != 0 for one in held.values()], axis=0)
+        parts = (next(iter(held.values())).time[1:][new] - start) * spec.rate
         if len(parts) < STREAM:
             continue
         middle = float(np.angle(np.exp(2j * np.pi * parts).mean()) / (2 * np.pi))
         off = np.abs((parts - middle + 0.5) % 1.0 - 0.5)
         if np.mean(off < NEARLY) >= MOST:
-            out |= dict.fromkeys(names, max(((middle + 0.5) % 1.0) / spec.rate, STAMP_TOLERANCE))
+            out |= dict.fromkeys(held, max(((middle + 0.5) % 1.0) / spec.rate, STAMP_TOLERANCE))
     return out
 
 

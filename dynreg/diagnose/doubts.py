@@ -12,6 +12,7 @@ from dynreg.diagnose.score import INSTEAD, Naming
 from dynreg.evidence.estimate import EDGE
 from dynreg.evidence.hypothesis import Coordinates, Hypothesis, effect_bounds, weak_coordinate, worth_naming
 from dynreg.evidence.point import Point
+from dynreg.sim.space import none_below
 
 # Sigma of its nameplate, as wide as `DiagnosisOptions.tolerance` makes it, beyond which a parameter more likely makes
 # up for something: by contract.
@@ -61,8 +62,7 @@ def at_bounds(c: Coordinates, point: Point) -> list[tuple[str, float]]:
     stopped, values, out = stopped_by_bounds(c, point), c.values(point.nominal), []
     for i, at_edge in zip(c.free, stopped, strict=True):
         p = c.robot.space.parameters[i]
-        nothing = p.low == 0.0 and values[i] - p.low < p.high - values[i]
-        if at_edge and not nothing:
+        if at_edge and not none_below(values[i], p.low, p.high):
             out.append((p.name, float(values[i])))
     return out
 

@@ -20,6 +20,9 @@ def from_other_starts(run: Run, chosen: np.ndarray, noise: np.ndarray) -> Run:
 
 
 def changes(states: np.ndarray, spread: np.ndarray) -> np.ndarray:
-    """(`STARTS`, m, T, S) changes of the rollouts ((1 + `STARTS`) m, T+1, S) of such a run, in units of `spread`."""
+    """(`STARTS`, m, T, S) rollouts from other starts less those from the episodes' own, in units of `spread` (S,).
+
+    states : ((1 + `STARTS`) m, T+1, S) of a run that `from_other_starts` made.
+    """
     found = states.reshape(1 + STARTS, -1, *states.shape[1:])[..., 1:, :]
     return scaled(found[1:], found[0], spread)

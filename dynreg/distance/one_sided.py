@@ -27,7 +27,8 @@ def effort(entries: int) -> Effort:
 
     By ten quadrupeds that report nothing, among 10,000, three draws each: recall@5 0.99 with 202 judged. With 300 near
     0.95; a walk over the graph 0.92 with 361, 0.97 with 465. Of 22 servos among 30,000: 0.99 with 225, 1.00 with
-    325. Of eight of them 0.85 where none is judged beside the best; quadrupeds do not tell the two apart.
+    325. Of eight of them 0.85 where none is judged beside the best; quadrupeds do not tell the two apart. Between 4,000
+    and 30,000 the number is a guess: a power of the entries through both.
     """
     least = round(LEAST * max(entries / 4000, 1.0) ** 0.3)
     return Effort(linear(ridge=1.0), least=least, near=500, beside=0.25)

@@ -12,6 +12,15 @@ from dynreg.rng import stream_seed
 EDGE = 0.005  # of a range: what lies nearer to its end lies on it
 
 
+def none_below(value: float, low: float, high: float) -> bool:
+    """Whether a value at an edge of its range is at 0, as a friction may be: no wider range goes below it.
+
+    >>> none_below(0.0, 0.0, 1.0), none_below(1.0, 0.0, 1.0), none_below(0.4, 0.4, 2.5)
+    (True, False, False)
+    """
+    return low == 0.0 and value - low < high - value
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One number that a simulator can differ in.

@@ -24,6 +24,7 @@ from dynreg.results.neighbours import (
 )
 from dynreg.results.result import Cost, Estimate, Gain
 from dynreg.sim.config import SimConfig
+from dynreg.sim.space import none_below
 from dynreg.verbs.held_out import held_out_notes
 from dynreg.verbs.posteriors import posterior_told
 from dynreg.verbs.shaped import queried
@@ -295,15 +296,14 @@ def _alarm(judgement: Judgement, entries: int) -> tuple[str | None, tuple[str, .
 
 def bound_notes(parameters: Mapping[str, Estimate]) -> tuple[str, ...]:
     """What is said of parameters that a wider range would let go further."""
-    at = [name for name, e in parameters.items() if e.at_bound and not _least(e)]
+    at = [
+        name
+        for name, e in parameters.items()
+        if e.at_bound and not (e.limits and none_below(e.value, *e.limits))
+    ]
     if not at:
         return ()
     return (
         f"{', '.join(at)} {'is' if len(at) == 1 else 'are'} at the edge of the population's range: "
         "widen the range, or look for a missing effect",
     )
-
-
-def _least(e: Estimate) -> bool:
-    """Whether an estimate at an edge of its range is 0, such as a friction, and cannot be less."""
-    return e.limits is not None and e.limits[0] == 0.0 and 2 * e.value < e.limits[1]

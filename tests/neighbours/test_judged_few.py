@@ -47,6 +47,17 @@ def copy(populated, tmp_path):
         yield opened
 
 
+def test_the_more_there_are_the_more_are_judged():
+    """By both distances; `one_sided` judges as many of 300 as of 4,000."""
+    sided, crossed = (
+        [room.effort(n).least for n in (300, 4000, 8000, 30_000)] for room in (one_sided, linked)
+    )
+    assert sided[0] == sided[1] == one_sided.LEAST < sided[2] < sided[3] < 2 * sided[1]
+    assert crossed == sorted(set(crossed)) and crossed[1] < 450, (
+        "wanted among 10,000 quadrupeds, 3,600 allowed"
+    )
+
+
 def id_of(opened) -> str:
     (record,) = opened.registry.populations()
     return record.id
