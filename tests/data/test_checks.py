@@ -505,7 +505,7 @@ def test_a_velocity_a_thousand_times_too_large_may_be_a_clock_of_milliseconds():
         (np.arange(801)[::-1], "in reverse order: sort"),
         (np.r_[:400, 401, 400, 402:801], "if rows are out of order, sort"),
         (np.r_[:400, 398:799], "if the clock was set back, split"),
-        (np.r_[500:801, :500], 'split there with by = "gaps"'),
+        (np.r_[500:801, :500], 'mend it, or split there with by = "gaps"'),
     ],
 )
 def test_rows_in_a_wrong_order_are_to_be_sorted_and_runs_one_after_another_split(

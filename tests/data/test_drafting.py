@@ -249,7 +249,7 @@ def test_one_angle_in_degrees_tells_of_the_others_of_its_table(what: str, tmp_pa
 def test_targets_in_rad_tell_which_positions_are_in_degrees(measured: str, tmp_path: Path):
     """One position of the table, whose own target is far smaller; or all of them, however little one moves."""
     t = 0.01 * np.arange(400)
-    arm, leg = 1.5 * np.sin(t), 0.3 * np.sin(t)
+    arm, leg = 1.5 * np.sin(t), 0.02 * np.sin(t)  # no more than its limits in degrees, either
     told, asked = (leg if measured == "one position" else np.degrees(leg)), arm
     if (
         measured == "all but an idle target"

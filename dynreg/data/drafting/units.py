@@ -90,7 +90,7 @@ def degrees(
     kinds = {quantity_of(name) for name in moving}
     for name in [n for n in near if as_others and n not in {*out, *small}]:
         alike = {n: size for n, size in near.items() if quantity_of(n) in kinds and APART * size > near[name]}
-        if quantity_of(name) not in kinds and not _beside(name, alike):
+        if not _beside(name, alike):  # none of its joint that is in rad is as large, itself among them
             out[name] = ("deg", AS_OTHERS)
     told = {**units, **{name: unit for name, (unit, _) in out.items()}}
     for name, velocity in doubted.items():
