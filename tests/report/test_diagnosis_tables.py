@@ -141,6 +141,7 @@ def test_steps_follow_the_verdict() -> None:
     steps = diagnosis_steps(made_up_diagnosis.diagnosis())
     assert any("dynreg export eeee" in s and "--as robot" in s for s in steps)
     unknown = diagnosis_steps(made_up_diagnosis.diagnosis("unknown", held_out=False))
+    assert "Nothing was held out. Record more episodes, or use --hold-out." in unknown
     assert any("dynreg doctor" in s for s in unknown) and any("--hold-out" in s for s in unknown)
     assert not any("export" in s for s in unknown)
     assert diagnosis_steps(made_up_diagnosis.diagnosis("none")) == ()

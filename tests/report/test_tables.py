@@ -53,6 +53,14 @@ def test_a_population_that_has_as_many_says_that_none_were_added() -> None:
     assert "simulate" in text_of(grown.model_copy(update=none | {"link_seconds": 3.0})), "it was linked anew"
 
 
+def test_one_rollout_is_to_be_cut_before_any_of_it_can_be_held_out() -> None:
+    none = {"test_error": None, "nominal_test_error": None}
+    for fit, told in ((("run",), "a horizon of at most a quarter"), (("a", "b", "c"), "or use --hold-out.")):
+        parts = {"fit": fit, "select": (), "test": ()}
+        found = made_up_results.calibration().model_copy(update=none | {"parts": parts})
+        assert "Nothing was held out" in text_of(found) and told in " ".join(text_of(found).split())
+
+
 def test_brackets_in_names_are_printed_as_they_are() -> None:
     text = text_of(made_up_results.recording().model_copy(update={"name": "[bold]run[/bold] :smile:"}))
     assert "[bold]run[/bold] :smile:" in text

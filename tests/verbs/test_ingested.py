@@ -3,6 +3,7 @@
 import json
 import shutil
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from tiny_registry import bench_csv
 
 import dynreg
 from dynreg.data.recording import Recording
-from dynreg.errors import LogError, MapError, NoMatchError, UsageError
+from dynreg.errors import AmbiguousError, LogError, MapError, NoMatchError, UsageError
 from dynreg.report.stored import channel_words
 from dynreg.verbs.robots import robot_check, robot_copy
 from dynreg.verbs.subjects import every_recorded, found_in
@@ -111,7 +112,7 @@ def test_nobody_is_asked_to_correct_a_map_that_comes_with_dynreg(tmp_path: Path)
     assert "time_unit" in told.value.do, "what a log lacks is told as it is"
 
 
-def test_what_looks_like_a_log_and_is_none_is_told_as_such(tmp_path: Path):
+def test_what_looks_like_a_log_and_is_none_is_told_as_such(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     with dynreg.open(tmp_path / "registry") as session:
         for told in ({"robot": "servo_pendulum"}, {}):
             with pytest.raises(
@@ -120,6 +121,10 @@ def test_what_looks_like_a_log_and_is_none_is_told_as_such(tmp_path: Path):
                 session.diagnose("run.csv", **told)
         with pytest.raises(NoMatchError, match="no recording is called 'monday'; expected a hash"):
             session.diagnose("monday")
+        two = AmbiguousError("'cd12' fits more than one", expected="a name", do="give more digits")
+        monkeypatch.setattr(session.registry, "resolve", Mock(side_effect=two))
+        with pytest.raises(AmbiguousError, match="more than one; expected a name; give more digits"):
+            session.diagnose("cd12", robot="servo_pendulum")  # it is no log that is missing
 
 
 def test_a_map_counts_where_one_of_several_recordings_is_a_log(registry_folder: Path, tmp_path: Path):
